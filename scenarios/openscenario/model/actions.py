@@ -24,12 +24,13 @@ class RelativeSpeed(Element):
 
 
 class SpeedAction(Element, group="LongitudinalAction", children="SpeedActionDynamics SpeedActionTarget"):
-    """Change to a speed with given dynamics."""
+    """Change to a speed with given dynamics; a step that lasts goes on for the value's time or way."""
 
     shape: SpeedShape
     dimension: Dimension
     value: float
     target: float | RelativeSpeed
+    lasts: bool = False
 
 
 class DynamicConstraints(Element):

@@ -302,12 +302,13 @@ class EntityCondition(Element, tag="ByEntityCondition", children="TriggeringEnti
 
 
 class Condition(Element):
-    """A condition with edge and delay."""
+    """A condition with edge and delay; one that stays is met for good once it has been."""
 
     name: Annotated[str, Attribute("name")]
     delay_s: Annotated[float, Attribute("delay", 0.0, sign="not negative")]
     edge: Annotated[Edge, Attribute("conditionEdge")]
     kind: ValueConditionKind | EntityCondition
+    stays: bool = False
 
 
 Trigger: TypeAlias = tuple[tuple[Condition, ...], ...]

@@ -7,6 +7,8 @@ from bisect import bisect_right
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from scenarios.openscenario.motion.lane_place import LanePlace
 from scenarios.openscenario.motion.paths import ON_PATH_M, Path, Pose
 from scenarios.openscenario.motion.roads import Roads
@@ -152,6 +154,27 @@ class RoadDistances:
                 ahead_m, turned = hit
                 return way * ahead_m, (other.t_m * turned - place.t_m) * side, turned
         return None
+
+    def beside(self, place: LanePlace, other: LanePlace) -> LanePlace:
+        """Another place as the lanes next to a place have it: on the lane of these that leads to it.
+
+        On another road lanes may have other ids, and s may run the other way. Where no lane leads there (or
+        comes from there), the other place as it is.
+        """
+        lanes = self._roads.network.lanes
+        if lanes.section[other.lane] == lanes.section[place.lane]:
+            return other
+        for along_s in (place.along_s, -place.along_s):
+            for lane in np.flatnonzero(lanes.section == lanes.section[place.lane]).tolist():
+                for stretch in self._chain(lane, along_s)[1:]:
+                    if stretch.lane == other.lane:
+                        turned = stretch.along_s * along_s
+                        key = lanes.key[lane]
+                        return LanePlace(
+                            *(lane, key.road_id, key.lane_id, place.s_m),
+                            *(other.t_m * turned, other.offset_m * turned, other.along_s * turned),
+                        )
+        return other
 
     def _ahead(self, place: LanePlace, other: LanePlace, along_s: int) -> tuple[float, int] | None:
         chain = self._chain(place.lane, along_s)

@@ -109,7 +109,8 @@ def _speed(node: Node, context: Context) -> SpeedAction:
     dimension = dynamics.choice("dynamicsDimension", "time rate distance")
     value = amount(dynamics, dimension)
     target = _speed_target(node.need("SpeedActionTarget"), context)
-    return SpeedAction(cast(SpeedShape, shape), cast(Dimension, dimension), value, target)
+    lasts = context.of_carla and shape == "step" and dimension != "rate"
+    return SpeedAction(cast(SpeedShape, shape), cast(Dimension, dimension), value, target, lasts)
 
 
 def amount(dynamics: Node, dimension: str) -> float:
@@ -160,7 +161,8 @@ def _lane_change(node: Node, context: Context) -> LaneChangeAction:
         target = goal.integer("value")
     else:
         goal.allow("entityRef value")
-        target = RelativeLane(context.entity(goal), goal.integer("value"))
+        lanes = goal.integer("value")
+        target = RelativeLane(context.entity(goal), -lanes if context.of_carla else lanes)
     return LaneChangeAction(
         cast(SpeedShape, shape),
         cast(Dimension, dimension),
@@ -173,7 +175,7 @@ def _lane_change(node: Node, context: Context) -> LaneChangeAction:
 def sideways(node: Node, name: str, context: Context, default: float | None = None) -> float:
     """An attribute as a number to the left, which CARLA counts to the right."""
     value = node.number(name, default)
-    return -value if context.left_handed else value
+    return -value if context.of_carla else value
 
 
 @reads(LaneOffsetAction)

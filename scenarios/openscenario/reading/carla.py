@@ -1,8 +1,14 @@
-"""Scenario files of CARLA, in its coordinates.
+"""Scenario files of CARLA, in its coordinates and as its ScenarioRunner reads them.
 
 A file whose description begins with `CARLA:` is in the left-handed coordinates of CARLA (ScenarioRunner,
 `OpenScenarioParser.set_use_carla_coordinate_system`): y and offsets to the right, headings clockwise. The
 lanes are those of the OpenDRIVE file, whose y has the other sign.
+
+ScenarioRunner looks at no `conditionEdge`: each condition that has been met once stays met
+(`oneshot_with_check`), and a trigger fires once all of a group have been. A speed action of shape `step`
+takes the speed at once and goes on for the time or the way that its value says (`ChangeActorTargetSpeed`).
+No event stops another, whatever its `priority`; an action of the same entity and kind still does. A lane to
+the left has a negative number (`RelativeTargetLane`).
 """
 
 from __future__ import annotations

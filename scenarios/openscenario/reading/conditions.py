@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import cast
+from typing import cast, get_args
 
 from scenarios.openscenario.errors import ContentError, ExpressionError, ParameterError
 from scenarios.openscenario.expressions import Value
 from scenarios.openscenario.model import (
     CollisionCondition,
     Condition,
+    Edge,
     EntityCondition,
     EntityConditionKind,
     ParameterCondition,
@@ -70,6 +71,11 @@ def _condition(node: Node, context: Context) -> Condition:
         kind = read(EntityCondition, child, context)
     else:
         kind = cast(ValueConditionKind, one_of(ValueConditionKind, child, context))
+    if context.of_carla:
+        node.choice("conditionEdge", " ".join(get_args(Edge)))
+        return declared(
+            *(Condition, node, context), kind=kind, name=_label(node, context), edge="none", stays=True
+        )
     return declared(Condition, node, context, kind=kind, name=_label(node, context))
 
 

@@ -34,7 +34,7 @@ class Context:
         entities: names of the entities.
         variables: start values by name.
         notes: lines about what is read and not used, each once.
-        left_handed: whether the file is in CARLA's coordinates.
+        of_carla: whether the file is CARLA's, in its coordinates, with ScenarioRunner's triggers.
         selections: names of the entities of each EntitySelection, by its name.
         phases: names of the phases of each controller of traffic signals, by its name.
     """
@@ -43,7 +43,7 @@ class Context:
     entities: Collection[str]
     variables: Mapping[str, Value]
     notes: dict[str, None] = dataclasses.field(default_factory=dict)
-    left_handed: bool = False
+    of_carla: bool = False
     selections: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
     phases: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
 
@@ -120,7 +120,7 @@ def read(kind: type[RecordT], node: Node, context: Context) -> RecordT:
     else:
         allow(kind, node)
         record = declared(kind, node, context)
-    return cast(RecordT, right_handed(record)) if context.left_handed else record
+    return cast(RecordT, right_handed(record)) if context.of_carla else record
 
 
 def allow(kind: type[Element], node: Node) -> None:

@@ -201,9 +201,7 @@ def _clothoid(node: Node, context: Context) -> ClothoidSpline:
     length, curvature = node.positive("length", zero=False), node.number("curvature")
     start = position(node.need("Position"), context)
     piece = ClothoidSegment(length, curvature, curvature + rate * length, start, 0.0, begin_s)
-    return ClothoidSpline(
-        (cast(ClothoidSegment, right_handed(piece)) if context.left_handed else piece,), end_s
-    )
+    return ClothoidSpline((cast(ClothoidSegment, right_handed(piece)) if context.of_carla else piece,), end_s)
 
 
 @reads(Nurbs)

@@ -93,13 +93,14 @@ def load(
     if minor > NEWEST_MINOR or str(minor) != given:
         read_as = min(minor, NEWEST_MINOR)
         catalogs.notes[f"{header.where} version 1.{given} is read as 1.{read_as}"] = None
-    left_handed = header.text("description", "").startswith(carla.MARK)
-    if left_handed:
+    of_carla = header.text("description", "").startswith(carla.MARK)
+    if of_carla:
         catalogs.notes[
             f"{header.where} description begins with '{carla.MARK}': y and offsets are to the right, "
-            "headings clockwise"
+            "headings clockwise; as in ScenarioRunner conditions have no edge and stay met, no event stops "
+            "another, and a step lasts as long as its value says"
         ] = None
-    bare = Context(catalogs, (), start_values, catalogs.notes, left_handed)
+    bare = Context(catalogs, (), start_values, catalogs.notes, of_carla)
     there = root.need("Entities")
     there.allow(children="ScenarioObject EntitySelection")
     objects = there.all("ScenarioObject")
@@ -110,7 +111,7 @@ def load(
     chosen = selections(there.all("EntitySelection"), entities)
     signals, grouped = _signals(root.need("RoadNetwork").get("TrafficSignals"))
     phases = {held.name: tuple(phase.name for phase in held.phases) for held in signals}
-    context = Context(catalogs, names, start_values, catalogs.notes, left_handed, chosen, phases)
+    context = Context(catalogs, names, start_values, catalogs.notes, of_carla, chosen, phases)
     storyboard = root.need("Storyboard")
     storyboard.allow(children="Init Story StopTrigger")
     stories = tuple(_story(node, context) for node in storyboard.all("Story"))
@@ -310,6 +311,7 @@ def _event(node: Node, entities: tuple[str, ...], select: bool, context: Context
     if not node.all("Action"):
         raise ContentError(f"{node.where} needs at least one Action")
     priority = node.choice("priority", "override overwrite parallel skip")
+    priority = "parallel" if context.of_carla else priority
     return Event(
         node.text("name"),
         "override" if priority == "overwrite" else priority,

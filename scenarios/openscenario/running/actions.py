@@ -124,11 +124,17 @@ class Speed(RunningAction[model.SpeedAction]):
             )
             return
         self._for_ever = False
+        self._start_s, self._start_m = time_s, self.who.state(time_s).travelled_m
         pieces = transition(action.shape, action.dimension, action.value, now, target)
         self._profile = self.drive(time_s, SpeedProfile(time_s, target, pieces))
 
     def ended(self, instant: Instant) -> bool:
-        """At the target speed."""
+        """At the target speed, and after the time or the way of a step that lasts."""
+        action = self.action
+        if action.lasts and action.dimension == "distance":
+            return instant.state(self.who.name).travelled_m - self._start_m >= action.value - 1e-9
+        if action.lasts:
+            return instant.time_s >= self._start_s + action.value - 1e-9
         return not self._for_ever and instant.time_s >= self._profile.end_s - 1e-9
 
 

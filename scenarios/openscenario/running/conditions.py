@@ -158,13 +158,14 @@ class Watch(Observed):
     """
 
     __slots__ = (
-        "_about", "_delay_s", "_due", "_edge", "_history", "_last", "_moves", "_parts", "_pulses", "_there",
-        "varies",
+        "_about", "_delay_s", "_due", "_edge", "_history", "_last", "_met", "_moves", "_parts", "_pulses",
+        "_stays", "_there", "varies",
     )  # fmt: skip
 
     def __init__(self, condition: model.Condition, world: World) -> None:
         super().__init__(bare(condition.kind, world))
         self._edge, self._delay_s = condition.edge, condition.delay_s
+        self._stays, self._met = condition.stays, False
         self._last: bool | None = None
         self._history: list[tuple[float, bool]] = []
         self._pulses: list[float] = []
@@ -198,7 +199,14 @@ class Watch(Observed):
         return value
 
     def look(self, instant: Instant) -> bool:
-        """Value at an instant, which becomes part of the history."""
+        """Value at an instant, which becomes part of the history; true for good for one that stays met."""
+        if not self._met:
+            value = self._seen(instant)
+            self._met = self._stays and value
+            return value
+        return True
+
+    def _seen(self, instant: Instant) -> bool:
         raw = self.holding.holds(instant)
         there = [actor.exists for actor in self._about]
         if there != self._there:
@@ -227,7 +235,7 @@ class Watch(Observed):
 
     def forget(self) -> None:
         """Begin to look again after a time in which nobody did: what changed meanwhile is no edge now."""
-        self._last = None
+        self._last, self._met = None, False
 
     # Changes between two looks
 

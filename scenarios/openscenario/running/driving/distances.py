@@ -21,6 +21,9 @@ NEAR_PER_S, SPEED_PER_S = 0.5, 2.0
 BRAKING = 0.8
 """Share of the smaller limit that slowing down at the end is planned with; the rest is in reserve."""
 
+JERK = 0.5
+"""Share of the smaller limit of the jerk that changes are planned with; the rest follows the plan."""
+
 ACROSS = math.cos(math.pi / 4)
 """Of lines that are further apart than 45 degrees one is across the other, whichever way they are driven."""
 
@@ -33,6 +36,42 @@ def limited(constraints: model.DynamicConstraints | None) -> bool:
     return constraints is not None and not (
         constraints.max_acceleration_mps2 is None and constraints.max_deceleration_mps2 is None
     )
+
+
+def _approach(left_m: float, brake_mps2: float, jerk_mps3: float) -> tuple[float, float]:
+    """How fast to close in from a place, and how much faster a metre further away.
+
+    Near by in proportion to the way that is left; far away so fast that the limits allow to come to rest:
+    within sqrt(c^3 / j) from a speed c up to b^2 / j, beyond within c^2 / 2b + bc / 2j.
+
+    Args:
+        left_m: how far away, not negative.
+        brake_mps2: greatest deceleration b.
+        jerk_mps3: greatest change j of the deceleration in time; may be infinite.
+    """
+    if not math.isfinite(jerk_mps3):
+        near = brake_mps2 / NEAR_PER_S**2
+        if left_m < near:
+            return NEAR_PER_S * left_m, NEAR_PER_S
+        speed = math.sqrt(2.0 * brake_mps2 * left_m - brake_mps2 * near)
+        return speed, brake_mps2 / speed
+    speed = (left_m**2 * jerk_mps3) ** (1 / 3)
+    slope = 2.0 * speed / (3.0 * left_m) if left_m > 0.0 else math.inf
+    if speed > brake_mps2**2 / jerk_mps3:
+        lag = brake_mps2**2 / (2.0 * jerk_mps3)
+        speed = math.sqrt(lag**2 + 2.0 * brake_mps2 * left_m) - lag
+        slope = brake_mps2 / (speed + lag)
+    if speed > NEAR_PER_S * left_m:
+        return NEAR_PER_S * left_m, NEAR_PER_S
+    return speed, slope
+
+
+def _towards(change_mps: float, jerk_mps3: float) -> float:
+    """Acceleration for a change of speed that is left, from which the jerk still leads back to 0 in time."""
+    near, size = jerk_mps3 / SPEED_PER_S**2, abs(change_mps)
+    if size < near:
+        return SPEED_PER_S * change_mps
+    return math.copysign(math.sqrt(2.0 * jerk_mps3 * size - jerk_mps3 * near), change_mps)
 
 
 class _Kept(RunningAction[model.LongitudinalDistanceAction]):
@@ -171,23 +210,15 @@ class Approach(_Kept):
             left = 0.0
         speed = own.speed_mps
         brake = BRAKING * min(self._up, self._down)
-        jerk = min((rate for rate in self._rates if rate), default=math.inf)
-        brake = min(brake, jerk / NEAR_PER_S)
+        jerk = JERK * min((rate for rate in self._rates if rate), default=math.inf)
         closing = speed - along
-        if math.isfinite(jerk) and closing * left > 0.0:
-            # where and how fast it will be once its acceleration can have come to the one that slows it down
-            side = math.copysign(1.0, left)
-            towards = side * self._accel
-            lag_s = max(towards + min(brake, NEAR_PER_S * abs(closing)), 0.0) / jerk
-            left -= side * (side * closing * lag_s + 0.5 * towards * lag_s**2 - jerk * lag_s**3 / 6.0)
-            closing += side * (towards * lag_s - 0.5 * jerk * lag_s**2)
-        # far away: so fast that the limits allow to slow down again; near by: in proportion to what is left
-        near, size = brake / NEAR_PER_S**2, abs(left)
-        most = NEAR_PER_S * size if size < near else math.sqrt(2.0 * brake * size - brake * near)
-        slope = NEAR_PER_S if size < near else brake / most
+        if math.isfinite(jerk) and not self._place.leads:
+            # a gap in time ends at the speed of the other: the way to that place does not depend on its own
+            left += (self.action.time_gap_s or 0.0) * closing
+        most, slope = _approach(abs(left), brake, jerk)
         aimed = along + math.copysign(most, left)
         wanted = min(max(aimed, 0.0), self._fastest) - along
-        accel = SPEED_PER_S * (wanted - closing)
+        accel = _towards(wanted - closing, jerk)
         if 0.0 <= aimed <= self._fastest:
             accel -= slope * closing  # what is left shrinks as it closes in
         accel = min(max(accel, -self._down), self._up)

@@ -217,12 +217,6 @@ class _Sideways(RunningAction[LateralT_co]):
         on_route = frozenset(lanes.key[leg.lane].road_id for leg in route)
         return roads.lane_way(lane, place.s_m, place.along_s, on_route)
 
-    def _beside(self, name: str, curve: Path, time_s: float) -> tuple[float, float]:
-        """Offset of another entity from a curve, and +1 if it heads along it, -1 if against."""
-        state = self.world.actors[name].state(time_s)
-        station, left = curve.project(state.x_m, state.y_m)
-        return left, math.copysign(1.0, math.cos(curve.pose(station)[2] - state.yaw_rad))
-
 
 class LaneChange(_Sideways[model.LaneChangeAction]):
     """LaneChangeAction."""
@@ -233,7 +227,7 @@ class LaneChange(_Sideways[model.LaneChangeAction]):
         place = self._place(self.who.name, time_s)
         target = action.target
         if isinstance(target, model.RelativeLane):
-            other = self._place(target.entity, time_s)
+            other = self.world.road_distances.beside(place, self._place(target.entity, time_s))
             lane_id = other.beside(target.lanes)
         else:
             lane_id = target
@@ -267,6 +261,15 @@ class _Kept(_Sideways[LateralT_co]):
         """The curve from which the offset counts: the middle of the entity's lane."""
         self._place_now = self._place(self.who.name, time_s)
         return self._lane_curve(self._place_now, self._place_now.lane)
+
+    def _beside(self, name: str, time_s: float) -> tuple[float, float]:
+        """Offset of another entity from the middle, and +1 if it heads along it, -1 if against."""
+        state = self.world.actors[name].state(time_s)
+        station, left = self._middle.project(state.x_m, state.y_m)
+        if station < self._middle.first_m:  # it is behind, where the lane may bend
+            self._middle = with_way_behind(self.world.locator.roads, self._middle)
+            station, left = self._middle.project(state.x_m, state.y_m)
+        return left, math.copysign(1.0, math.cos(self._middle.pose(station)[2] - state.yaw_rad))
 
     def _asked(self, time_s: float) -> tuple[float, float]:
         """The offset from the lane, and how long the change to it takes."""
@@ -314,7 +317,7 @@ class LaneOffset(_Kept[model.LaneOffsetAction]):
     def _target_m(self, time_s: float) -> float:
         target = self.action.target
         if isinstance(target, model.RelativeOffset):
-            left, facing = self._beside(target.entity, self._middle, time_s)
+            left, facing = self._beside(target.entity, time_s)
             return left + facing * target.offset_m
         return target * self._place_now.along_s
 
@@ -369,7 +372,7 @@ class LateralDistance(_Kept[model.LateralDistanceAction]):
 
     def _target_m(self, time_s: float) -> float:
         action = self.action
-        left, facing = self._beside(action.entity, self._middle, time_s)
+        left, facing = self._beside(action.entity, time_s)
         pose = self.who.pose(time_s)
         own = self._middle.project(pose.x_m, pose.y_m)[1]
         apart = 0.0

@@ -14,7 +14,21 @@ from scenarios.openscenario.model import (
     RoutePosition,
 )
 from scenarios.openscenario.reading.carla import right_handed
-from tests.scenarios.openscenario.conftest import at, lane_position, private, speed, teleport
+from tests.scenarios.openscenario.conftest import (
+    act,
+    at,
+    at_time,
+    by_entity,
+    by_value,
+    condition,
+    event,
+    lane_position,
+    maneuver,
+    private,
+    speed,
+    teleport,
+    trigger,
+)
 
 SHARED = Path(__file__).parents[4].parent / "shared"
 ORIENTED = '<Orientation type="relative" h="0.2"/>'
@@ -147,3 +161,80 @@ def test_angles_and_places_beside_ways_are_mirrored():
         (RoutePosition(Route("r", ()), 1.0, None, 0.2, Orientation()), "offset_m"),
     ):
         assert getattr(right_handed(record), name) == -0.2
+
+
+def as_carla(path):
+    path.write_text(path.read_text("utf-8").replace('"small"', '"CARLA:Test"'), encoding="utf-8")
+    return Engine(load(path))
+
+
+def step(value, amount, dimension):
+    return speed(value, "step", dimension, amount)
+
+
+def test_conditions_that_have_been_met_stay_met(write):
+    """Two that hold one after the other: with edges, as the file has them, never together; at 1 s and 5 s."""
+    passed = by_entity('<TraveledDistanceCondition value="10"/>')  # the ego is at 10 m/s
+    both = trigger(
+        condition(passed, edge="rising"),
+        condition(by_value('<SimulationTimeCondition value="0" rule="equalTo"/>'), edge="rising"),
+    )
+    moves = act(maneuver(event("e", speed(5), both)))
+    assert at(Engine(load(write(moves))).run(6.0), "Other", 5.0)[3] == 0.0
+    run = as_carla(write(moves)).run(6.0)
+    assert at(run, "Other", 0.99)[3] == 0.0
+    assert at(run, "Other", 5.0)[0] == pytest.approx(60 + 4 * 5)
+
+
+@pytest.mark.parametrize(("dimension", "amount"), [("distance", 12), ("time", 3)])
+def test_a_step_lasts_as_long_as_its_value(write, dimension, amount):
+    """At 4 m/s for 12 m or 3 s from 1 s on; only then the action has ended, and the other event begins."""
+    ended = by_value(
+        '<StoryboardElementStateCondition storyboardElementType="action" storyboardElementRef="a" '
+        'state="completeState"/>'
+    )
+    events = (
+        event("drives", step(4, amount, dimension), trigger(condition(at_time(1))), "overwrite"),
+        event("stands", step(0, 10, "time"), trigger(condition(ended)), "overwrite"),
+    )
+    second = events[1].replace('<Action name="a">', '<Action name="b">')
+    run = as_carla(write(act(maneuver(events[0], second)))).run(8.0)
+    assert at(run, "Other", 3.9)[3] == 4.0
+    assert at(run, "Other", 4.1)[3] == 0.0
+    assert at(run, "Other", 7.0)[0] == pytest.approx(72.0, abs=1e-6)
+
+
+def test_no_event_stops_another(write):
+    """A speed for 24 m, and 1 s later with priority overwrite a visibility: both come to their ends."""
+    unseen = (
+        '<PrivateAction><VisibilityAction graphics="true" sensors="false" traffic="true"/></PrivateAction>'
+    )
+    ended = (
+        '<StoryboardElementStateCondition storyboardElementType="event" storyboardElementRef="drives" '
+        'state="endTransition"/>'
+    )
+    events = (
+        event("drives", step(4, 24, "distance"), trigger(condition(at_time(1))), "overwrite"),
+        event("hides", unseen, trigger(condition(at_time(2))), "overwrite"),
+        event("quicker", speed(9), trigger(condition(by_value(ended))), "overwrite"),
+    )
+    run = as_carla(write(act(maneuver(*events)))).run(9.0)
+    assert at(run, "Other", 6.9)[3] == 4.0
+    assert at(run, "Other", 7.1)[3] == 9.0
+
+
+@pytest.mark.parametrize(("description", "y"), [("small", -1.75), ("CARLA:Test", -5.25)])
+def test_lanes_to_the_left_have_negative_numbers(write, description, y):
+    change = (
+        '<PrivateAction><LateralAction><LaneChangeAction><LaneChangeActionDynamics dynamicsShape="linear" '
+        'dynamicsDimension="distance" value="20"/><LaneChangeTarget><RelativeTargetLane entityRef="Ego" '
+        'value="{}"/></LaneChangeTarget></LaneChangeAction></LateralAction></PrivateAction>'
+    )
+    lane, value = (-2, 1) if description == "small" else (-1, 1)
+    path = write(
+        act(maneuver(event("e", change.format(value), trigger(condition(at_time(1))))), actors="Ego"),
+        init=private("Ego", teleport(lane_position(10, lane)), speed(10))
+        + private("Other", teleport(lane_position(200))),
+    )
+    path.write_text(path.read_text("utf-8").replace('"small"', f'"{description}"'), encoding="utf-8")
+    assert at(Engine(load(path)).run(6.0), "Ego", 5.0)[1] == pytest.approx(y, abs=1e-6)
