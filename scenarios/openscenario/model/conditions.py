@@ -40,6 +40,10 @@ SystemAttribute: TypeAlias = Annotated[System, Attribute("coordinateSystem", "en
 AlongRoute: TypeAlias = Annotated[bool, Attribute("alongRoute", False)]
 """The older word for a distance along the road."""
 
+Routing: TypeAlias = Literal["assignedRoute", "fastest", "leastIntersections", "shortest", "undefined"]
+RoutingAttribute: TypeAlias = Annotated[Routing, Attribute("routingAlgorithm", "undefined")]
+"""How the way of a distance along roads is chosen."""
+
 TimedDistance: TypeAlias = Annotated[
     Distance, Attribute("relativeDistanceType", "euclidianDistance", DISTANCES)
 ]
@@ -133,6 +137,7 @@ class RelativeDistanceCondition(
     freespace: Freespace
     system: SystemAttribute = "entity"
     along_route: AlongRoute = False
+    routing: RoutingAttribute = "undefined"
 
 
 class DistanceCondition(Element, attributes=TIMED, children="Position"):
@@ -145,6 +150,7 @@ class DistanceCondition(Element, attributes=TIMED, children="Position"):
     freespace: Freespace
     system: SystemAttribute = "entity"
     along_route: AlongRoute = False
+    routing: RoutingAttribute = "undefined"
 
 
 class TimeToCollisionCondition(Element, attributes=TIMED, children="TimeToCollisionConditionTarget"):
@@ -160,6 +166,7 @@ class TimeToCollisionCondition(Element, attributes=TIMED, children="TimeToCollis
     freespace: Freespace
     system: SystemAttribute = "entity"
     along_route: AlongRoute = False
+    routing: RoutingAttribute = "undefined"
     position: Position | None = None
 
 
@@ -173,6 +180,7 @@ class TimeHeadwayCondition(Element, attributes=f"entityRef {TIMED}"):
     freespace: Freespace
     system: SystemAttribute = "entity"
     along_route: AlongRoute = False
+    routing: RoutingAttribute = "undefined"
 
 
 class StandStillCondition(Element):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias
 
-from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Only
+from scenarios.openscenario.elements import Attribute, Child, Element, EntityName
 
+RouteStrategy: TypeAlias = Literal["shortest", "fastest", "leastIntersections", "random"]
 System: TypeAlias = Literal["entity", "lane", "road", "trajectory"]
 """In whose coordinates a distance is measured."""
 
@@ -138,19 +139,19 @@ Position: TypeAlias = (
 
 
 class Waypoint(Element):
-    """A place on the way of a route."""
+    """A place on the way of a route, and how the way that leads there is chosen."""
 
-    position: Annotated[
-        Position, Only("routeStrategy", "shortest fastest leastIntersections random"), Child("Position")
-    ]
+    position: Annotated[Position, Child("Position")]
+    strategy: Annotated[RouteStrategy, Attribute("routeStrategy")]
 
 
 class Route(Element, attributes="name closed", children="ParameterDeclarations Waypoint"):
-    """Waypoints, joined by the shortest way along lanes."""
+    """Waypoints, joined along lanes; the way to each by its strategy (none given: the shortest)."""
 
     name: str
     waypoints: tuple[Position, ...]
     closed: bool = False
+    strategies: tuple[RouteStrategy, ...] = ()
 
 
 class Vertex(Element, first="time_s"):

@@ -24,6 +24,7 @@ from scenarios.openscenario.model import (
     RoadPosition,
     Route,
     RoutePosition,
+    RouteStrategy,
     Trajectory,
     TrajectoryPosition,
     WorldPosition,
@@ -212,7 +213,11 @@ class Locator:
             if place is None:
                 raise RunError(f"route '{route.name}' has a waypoint that is in no lane")
             places.append(place)
-        legs = self.roads.route_legs([*places, places[0]] if route.closed else places)
+        shortest: RouteStrategy = "shortest"
+        strategies = route.strategies or (shortest,) * len(places)
+        if route.closed:
+            places, strategies = [*places, places[0]], (*strategies, strategies[0])
+        legs = self.roads.route_legs(places, strategies[1:])
         if route.closed:
             if sum(leg.length_m for leg in legs) < SHORTEST_ROUND_M:
                 raise RunError(f"route '{route.name}': it is closed, and its waypoints are at one place")

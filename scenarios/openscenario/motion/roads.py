@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from array import array
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -12,10 +13,11 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from opendrive import RoadNetwork, load_map
-from opendrive.errors import OpenDriveError, RouteNotFoundError
+from opendrive.errors import OpenDriveError
 from opendrive.model import Deferred, Header, MapModel
 from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.model import RouteStrategy
 from scenarios.openscenario.motion.lane_place import LanePlace
 from scenarios.openscenario.motion.paths import (
     CHORD_ERROR_M,
@@ -32,7 +34,7 @@ from scenarios.openscenario.motion.route_changes import (
     RouteChange,
     changes_from,
     is_change,
-    legs_with_changes,
+    legs_between,
     settled,
 )
 from smartmot.maps.lane_map import LEVEL_M
@@ -59,6 +61,11 @@ class Roads(Immutable):
     def has_levels(self) -> bool:
         """Whether roads lie above one another, so that a place needs a height."""
         return bool(self.network.overlapping_roads)
+
+    @cached_property
+    def forks(self) -> bool:
+        """Whether any lane leads to more than one."""
+        return any(len(self.network.successors(lane)) > 1 for lane in range(len(self.network.lanes)))
 
     def _level_m(self, pose: Pose) -> float | None:
         """The height of a pose where it matters."""
@@ -316,33 +323,22 @@ class Roads(Immutable):
         key = self.network.lanes.key[leg.lane]
         return LanePlace(leg.lane, key.road_id, key.lane_id, leg.s_start_m, 0.0, 0.0, leg.along_s)
 
-    def route_legs(self, waypoints: list[LanePlace]) -> list[Leg]:
+    def route_legs(self, waypoints: list[LanePlace], strategies: Sequence[RouteStrategy] = ()) -> list[Leg]:
         """Legs of a route through waypoints, along lanes; with lane changes where nothing else leads there.
 
         A change stands where the lane marks begin to allow it; `path` gives it a length.
 
+        Args:
+            waypoints: places.
+            strategies: how the way to each after the first is chosen; none: the shortest.
+
         Raises:
             RunError: no way leads from one to the next.
         """
-        lanes = self.network.lanes
         legs: list[Leg] = []
-        for start, end in pairwise(waypoints):
-            try:
-                chain = self.network.shortest_route(start.lane, end.lane)
-            except RouteNotFoundError:
-                legs += legs_with_changes(self.network, (start.lane, start.s_m), (end.lane, end.s_m))
-                continue
-            except OpenDriveError as error:
-                raise RunError(f"route: {error}") from None
-            for number, lane in enumerate(chain):
-                along = self.direction(lane)
-                low, high = float(lanes.s_start_m[lane]), float(lanes.s_end_m[lane])
-                enter, leave = (low, high) if along > 0 else (high, low)
-                enter = start.s_m if number == 0 else enter
-                leave = end.s_m if number == len(chain) - 1 else leave
-                if (leave - enter) * along < -1e-6:
-                    raise RunError(f"route: a waypoint on road '{end.road_id}' lies behind the one before it")
-                legs.append(Leg(lane, enter, leave if abs(leave - enter) > 1e-9 else enter + along * 1e-9))
+        chosen: Sequence[RouteStrategy] = strategies or ["shortest"] * (len(waypoints) - 1)
+        for (start, end), strategy in zip(pairwise(waypoints), chosen, strict=True):
+            legs += legs_between(self.network, (start.lane, start.s_m), (end.lane, end.s_m), strategy)
         return legs
 
     def taken_from(self, legs: list[Leg], place: LanePlace | None) -> list[Leg]:

@@ -14,6 +14,8 @@ from opendrive.errors import OpenDriveError
 from opendrive.lanes.graph import Side
 from scenarios.openscenario.elements import Immutable
 from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.model import RouteStrategy
+from scenarios.openscenario.motion.strategies import chain
 from smartmot.types import FloatArray
 
 LATERAL_MPS2 = 1.0
@@ -129,6 +131,40 @@ def changes_from(network: RoadNetwork, legs: Sequence[Leg], first: int) -> int:
     while last + 1 < len(legs) and is_change(network, legs[last], legs[last + 1]):
         last += 1
     return last
+
+
+def legs_between(
+    network: RoadNetwork, start: tuple[int, float], end: tuple[int, float], strategy: RouteStrategy
+) -> list[Leg]:
+    """Legs between two places (lane, s), as a strategy chooses them; with lane changes only where it must be.
+
+    With lane changes the shortest way is taken.
+
+    Raises:
+        RunError: no way leads there, or the strategy asks for other roads than the shortest way with changes.
+    """
+    try:
+        lanes = chain(network, start, end, strategy)
+    except RunError:
+        legs = legs_with_changes(network, start, end)
+        if strategy != "shortest":
+            roads = {network.lanes.key[leg.lane].road_id for leg in legs}
+            asked = {network.lanes.key[lane].road_id for lane in chain(network, start, end, strategy, True)}
+            if roads != asked:
+                raise RunError(
+                    f"route: routeStrategy '{strategy}' asks for another way than 'shortest', with lane "
+                    "changes, which is not carried out; give a waypoint on the way that is meant"
+                ) from None
+        return legs
+    legs = []
+    for number, lane in enumerate(lanes):
+        along = _direction(network, lane)
+        low, high = float(network.lanes.s_start_m[lane]), float(network.lanes.s_end_m[lane])
+        enter, leave = (low, high) if along > 0 else (high, low)
+        enter = start[1] if number == 0 else enter
+        leave = end[1] if number == len(lanes) - 1 else leave
+        legs.append(Leg(lane, enter, leave if abs(leave - enter) > 1e-9 else enter + along * 1e-9))
+    return legs
 
 
 def legs_with_changes(network: RoadNetwork, start: tuple[int, float], end: tuple[int, float]) -> list[Leg]:

@@ -137,10 +137,6 @@ def _element_state(node: Node, context: Context) -> StoryboardElementStateCondit
     return declared(StoryboardElementStateCondition, node, context, path=tuple(path))
 
 
-ROUTING = "assignedRoute fastest leastIntersections shortest undefined"
-"""How the way of a distance along roads may be chosen."""
-
-
 @reads(EntityCondition)
 def _by_entity(node: Node, context: Context) -> EntityCondition:
     allow(EntityCondition, node)
@@ -150,15 +146,6 @@ def _by_entity(node: Node, context: Context) -> EntityCondition:
     if not entities:
         raise ContentError(f"{who.where} needs at least one EntityRef")
     kind, child = chosen(EntityConditionKind, node.need("EntityCondition"))
-    if child.has("routingAlgorithm"):
-        algorithm = child.choice("routingAlgorithm", ROUTING)
-        along = child.text("coordinateSystem", "entity") in ("road", "lane")
-        if along and algorithm not in ("shortest", "undefined"):
-            context.note(
-                child,
-                f"routingAlgorithm='{algorithm}' is not used: the distance is that along the lanes ahead or "
-                "back, at forks along the straightest",
-            )
     every = who.choice("triggeringEntitiesRule", "any all") == "all"
     return EntityCondition(entities, every, cast(EntityConditionKind, read(kind, child, context)))
 

@@ -132,24 +132,17 @@ def referenced(parent: Node, tag: str, context: Context, attributes: str = "") -
     return context.catalogs.entry(child, tag) if child.tag == "CatalogReference" else scoped(child)
 
 
-def _waypoint(node: Node, context: Context) -> Position:
-    """Where a waypoint is; any strategy to get there is taken for the shortest way."""
-    place = read(Waypoint, node, context).position
-    strategy = node.text("routeStrategy")
-    if strategy.lower() != "shortest":
-        context.note(node, f"routeStrategy='{strategy}' is taken for 'shortest'")
-    return place
-
-
 @reads(Route)
 def route(parent: Node, context: Context) -> Route:
     """Route from RouteRef or AssignRouteAction."""
     node = referenced(parent, "Route", context)
     allow(Route, node)
-    waypoints = [_waypoint(child, context) for child in node.all("Waypoint")]
+    waypoints = [read(Waypoint, child, context) for child in node.all("Waypoint")]
     if len(waypoints) < 2:
         raise ContentError(f"{node.where} needs at least two Waypoints, got {len(waypoints)}")
-    return Route(node.text("name"), tuple(waypoints), node.boolean("closed"))
+    places = tuple([waypoint.position for waypoint in waypoints])
+    strategies = tuple([waypoint.strategy for waypoint in waypoints])
+    return Route(node.text("name"), places, node.boolean("closed"), strategies)
 
 
 @reads(Trajectory)

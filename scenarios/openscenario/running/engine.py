@@ -28,7 +28,7 @@ from scenarios.openscenario.running.driving.criteria import Criteria, Criterion
 from scenarios.openscenario.running.driving.leaps import quiet_until_s
 from scenarios.openscenario.running.driving.signals import Signals
 from scenarios.openscenario.running.driving.trailers import couple_all
-from scenarios.openscenario.running.initial import come_later, in_order, is_used, target_of
+from scenarios.openscenario.running.initial import come_later, in_order, is_used, refuse_choice, target_of
 from scenarios.openscenario.running.results import Contact, Entities, Run, Samples, read_only
 from scenarios.openscenario.running.storyboard import Storyboard
 from scenarios.openscenario.running.world import Instant, World
@@ -69,8 +69,7 @@ class Engine:
         step_s: step.
         roads: the network, if it is already loaded.
         until_contact: whether the ego's first contact ends the run.
-        apply_performance: whether vehicles stay within the Performance that their catalog gives them, as in
-            esmini; else it is noted where the file asks for more.
+        apply_performance: whether vehicles stay within their Performance, as in esmini; else that is noted.
 
     Raises:
         RunError: an initial action cannot be carried out.
@@ -189,6 +188,7 @@ class Engine:
                     case model.AssignRouteAction() if not referred(action.route):
                         locator.legs(action.route)
         for condition in self.definition.conditions():
+            refuse_choice(condition, locator.roads)
             match condition.kind:
                 case model.EntityCondition(
                     kind=model.ReachPositionCondition(position=position)

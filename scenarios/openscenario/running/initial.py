@@ -10,9 +10,19 @@ from collections.abc import Sequence
 
 from scenarios.openscenario import model
 from scenarios.openscenario.elements import referred
+from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.motion.roads import Roads
 
 InitialAction = tuple[str | None, model.Action]
 """Entity (None: a global action) and action."""
+
+CHOOSING = (
+    model.RelativeDistanceCondition,
+    model.DistanceCondition,
+    model.TimeToCollisionCondition,
+    model.TimeHeadwayCondition,
+)
+"""Conditions that may say how the way of a distance is chosen."""
 
 _PLACE, _SPEED = "place", "speed"
 
@@ -118,6 +128,25 @@ def is_used(definition: model.ScenarioDefinition, name: str) -> bool:
         for kind in kinds
         if isinstance(kind, model.EntityCondition)
     )
+
+
+def refuse_choice(condition: model.Condition, roads: Roads) -> None:
+    """Refuse a distance along roads whose way is to be chosen in a manner that is not carried out.
+
+    It is measured along the lanes ahead or back, at forks along the straightest: where lanes never fork, all
+    manners are that one.
+
+    Raises:
+        RunError: it asks for another, and lanes fork.
+    """
+    kind = condition.kind.kind if isinstance(condition.kind, model.EntityCondition) else None
+    if not isinstance(kind, CHOOSING) or kind.routing in ("undefined", "shortest"):
+        return
+    if (kind.along_route or kind.system in ("road", "lane")) and roads.forks:
+        raise RunError(
+            f"condition '{condition.name}': routingAlgorithm='{kind.routing}' is not carried out where lanes "
+            "fork; the distance along the straightest is routingAlgorithm='undefined'"
+        )
 
 
 def target_of(definition: model.ScenarioDefinition, ego: str) -> str | None:

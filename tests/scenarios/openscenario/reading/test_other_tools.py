@@ -9,15 +9,11 @@ from tests.scenarios.openscenario.conftest import (
     OTHER_AHEAD,
     act,
     at,
-    by_entity,
-    condition,
     event,
-    lane_position,
     maneuver,
     private,
     speed,
     teleport,
-    trigger,
 )
 
 TRAILER = CAR.replace("</Vehicle>", "{}</Vehicle>")
@@ -208,27 +204,3 @@ def test_a_logic_file_without_a_name_is_none(write, tmp_path):
     assert load(path).map_path is None
     assert at(Engine(load(path)).run(1.0), "Ego", 1.0) == pytest.approx((10, 0, 0, 10))
     assert load(path, road=tmp_path / "two_roads.xodr").map_path == tmp_path / "two_roads.xodr"
-
-
-def test_how_ways_are_to_be_chosen_is_noted(write):
-    way = (
-        '<PrivateAction><RoutingAction><AssignRouteAction><Route name="r" closed="false">'
-        + "".join(
-            f'<Waypoint routeStrategy="{how}">{lane_position(s)}</Waypoint>'
-            for s, how in ((20, "shortest"), (90, "fastest"))
-        )
-        + "</Route></AssignRouteAction></RoutingAction></PrivateAction>"
-    )
-    near = (
-        '<RelativeDistanceCondition entityRef="Other" relativeDistanceType="longitudinal" value="5" '
-        'freespace="false" rule="lessThan" routingAlgorithm="{}" coordinateSystem="{}"/>'
-    )
-    for algorithm, system, noted in (
-        ("fastest", "road", 1),
-        ("fastest", "entity", 0),
-        ("shortest", "lane", 0),
-    ):
-        start = trigger(condition(by_entity(near.format(algorithm, system))))
-        notes = load(write(act(maneuver(event("e", way, start)), actors="Ego"))).notes
-        assert sum("routeStrategy='fastest' is taken for 'shortest'" in note for note in notes) == 1
-        assert sum(f"routingAlgorithm='{algorithm}' is not used" in note for note in notes) == noted
