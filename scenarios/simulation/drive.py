@@ -1,21 +1,17 @@
-"""The ego's drive: speed as the scenario asks, adapted to what is ahead (highway-env's IDM), or braked."""
+"""The ego's drive: speed as the scenario asks, adapted to what is ahead, or braked."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 from scenarios.brakes import BrakeConfig, BrakeStage, travelled
 from scenarios.openscenario.control import Motion
 from scenarios.openscenario.motion.paths import Path
 from scenarios.simulation.driver import DriverBrake
+from scenarios.simulation.follower import Follower
 from smartmot.decision.rules import LeadObject
-
-if TYPE_CHECKING:
-    from scenarios.simulation.follower import Follower
-
 
 SAME_MPS = 1e-6
 """The ego is given back to the scenario when its speed is this near to the one that the scenario asks for."""
@@ -59,7 +55,7 @@ class EgoDrive:
     def __init__(
         self, brakes: BrakeConfig, length_m: float, adapts: bool = True, driver: DriverBrake | None = None
     ) -> None:
-        self.brakes, self._length_m, self._adapts = brakes, length_m, adapts
+        self.brakes, self._adapts, self._follower = brakes, adapts, Follower(length_m)
         self.driver = driver
         self._pedal = None if driver is None else driver.stage(brakes.max_decel_mps2)
         self._pedal_from_s = math.inf
@@ -72,11 +68,6 @@ class EgoDrive:
         self._asked_decel_mps2: float | None = None
         self._stage: BrakeStage | None = None
         self._comfort_mps2 = 0.0
-        self._follower: Follower | None = None
-
-    def __getstate__(self) -> dict[str, object]:
-        """All but the model of speed adaptation, which remembers nothing and is made again when needed."""
-        return self.__dict__ | {"_follower": None}
 
     def take_over(self, time_s: float, path: Path, station_m: float, speed_mps: float) -> None:
         """Go on from the speed that the scenario has given it."""
@@ -129,19 +120,11 @@ class EgoDrive:
         if lead is None and (waits or abs(speed_mps - asked.speed_mps) <= SAME_MPS):
             self.commands_from_s = math.inf
             return
-        self._comfort_mps2 = self._idm().accel_mps2(speed_mps, lead, asked.speed_mps, asked.accel_mps2)
+        self._comfort_mps2 = self._follower.accel_mps2(speed_mps, lead, asked.speed_mps, asked.accel_mps2)
         self._command(time_s)
 
     def _command(self, time_s: float) -> None:
         self.commands_from_s = min(self.commands_from_s, time_s)
-
-    def _idm(self) -> Follower:
-        """The model that adapts the speed, made when first needed: many tests hold theirs."""
-        if self._follower is None:
-            from scenarios.simulation.follower import Follower
-
-            self._follower = Follower(self._length_m)
-        return self._follower
 
     def motion(self, time_s: float, duration_s: float) -> Motion:
         """Distance driven and speed left after a duration under the present control."""

@@ -1,51 +1,35 @@
-"""Adaptive speed behind a leader: highway-env's Intelligent Driver Model.
-
-A module of its own, imported by runs that adapt their speed: highway-env takes a second to import.
-"""
+"""Adaptive speed behind a leader: the Intelligent Driver Model with highway-env's parameters."""
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-from highway_env.road.lane import StraightLane
-from highway_env.road.road import Road, RoadNetwork
-from highway_env.vehicle.behavior import IDMVehicle
-from highway_env.vehicle.kinematics import Vehicle
+import math
+from dataclasses import dataclass
 
 from smartmot.decision.rules import LeadObject
 
+ACCEL_MPS2, COMFORT_MPS2, HEADWAY_S, EXPONENT = 3.0, 5.0, 1.5, 4.0
+"""Greatest acceleration, comfortable deceleration, time gap of highway-env's `IDMVehicle`, and exponent of
+the free-road term (Treiber et al. 2000). Its formula is worked out here: importing it takes a second."""
 
-class Follower(IDMVehicle):  # type: ignore[misc]
-    """highway-env's Intelligent Driver Model for a vehicle of a given length, on a road of its own.
+HARDEST_MPS2 = 4.0
+"""Limit of the speed adaptation (ACC): ISO 15622 allows 3.5 to 5 m/s2 depending on speed."""
 
-    Only the distance and the speed of a leader matter to the model, so that its road is straight.
+STANDSTILL_GAP_M = 2.0
+"""Distance to a leader that stands."""
+
+_LEAST = 0.01
+"""highway-env divides by no speed and no distance under this."""
+
+
+@dataclass(frozen=True, slots=True)
+class Follower:
+    """A vehicle that adapts its speed.
 
     Args:
         length_m: of the vehicle.
     """
 
-    COMFORT_DECEL_MPS2 = 4.0
-    """Limit of the speed adaptation (ACC): ISO 15622 allows 3.5 to 5 m/s2 depending on speed."""
-    STANDSTILL_GAP_M = 2.0
-
-    def __init__(self, length_m: float) -> None:
-        lane = StraightLane([0.0, 0.0], [1.0, 0.0], speed_limit=None)
-        network = RoadNetwork()
-        network.add_lane("start", "end", lane)
-        super().__init__(
-            Road(network),
-            [0.0, 0.0],
-            target_lane_index=("start", "end", 0),
-            target_speed=0.0,
-            enable_lane_change=False,
-        )
-        self.LENGTH = length_m
-        self.DISTANCE_WANTED = length_m + self.STANDSTILL_GAP_M
-        self.DELTA = 4.0  # exponent of the free-road term, Treiber et al. 2000
-
-    def on_state_update(self) -> None:
-        """Nothing to look up: there is one lane."""
+    length_m: float
 
     def accel_mps2(
         self, speed_mps: float, lead: LeadObject | None, desired_mps: float, desired_mps2: float = 0.0
@@ -60,16 +44,18 @@ class Follower(IDMVehicle):  # type: ignore[misc]
             desired_mps: speed on a free road.
             desired_mps2: how that changes; a harder deceleration than comfort allows is carried out.
         """
-        self.speed, self.target_speed = speed_mps, desired_mps
-        front: Any = None
+        free = ACCEL_MPS2 * (1.0 - (max(speed_mps, 0.0) / max(abs(desired_mps), _LEAST)) ** EXPONENT)
+        wanted = free
         if lead is not None:
-            front = Vehicle(None, np.array([lead.gap_m + self.LENGTH, 0.0]), 0.0)
-            front.speed = lead.speed_mps
-        wanted = float(self.acceleration(self, front))
+            # the desired gap is measured between the fronts, as highway-env does
+            gap = self.length_m + STANDSTILL_GAP_M + speed_mps * HEADWAY_S
+            gap += speed_mps * (speed_mps - lead.speed_mps) / (2.0 * math.sqrt(ACCEL_MPS2 * COMFORT_MPS2))
+            apart = lead.gap_m + self.length_m
+            if abs(apart) <= _LEAST:
+                apart = math.copysign(_LEAST, apart)
+            wanted -= ACCEL_MPS2 * (gap / apart) ** 2
         if desired_mps2:
-            free = float(self.acceleration(self, None))
-            wanted += min(free + desired_mps2, max(free, float(self.COMFORT_ACC_MAX))) - free
-        if desired_mps <= 0.0:  # highway-env's formula divides by it
+            wanted += min(free + desired_mps2, max(free, ACCEL_MPS2)) - free
+        if desired_mps <= 0.0:  # the free-road term divides by it
             wanted = min(wanted, 0.0)
-        hardest = min(-self.COMFORT_DECEL_MPS2, desired_mps2)
-        return min(max(wanted, hardest), float(self.COMFORT_ACC_MAX))
+        return min(max(wanted, min(-HARDEST_MPS2, desired_mps2)), ACCEL_MPS2)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from smartmot.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 
 def components(
@@ -24,6 +26,8 @@ def components(
         cell_m: edge of a cell.
         gap_m: (P,) gap at each point; that of a cell is the one of any of its points.
     """
+    from scipy.sparse.csgraph import connected_components  # takes longer to import than a run
+
     if not len(x_m):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     widest = int(gap_m.max() / cell_m + 1e-9)
@@ -52,6 +56,8 @@ def components(
 
 def _linked(own: IntArray, target: IntArray, count: int) -> csr_matrix:
     """Graph of so many cells with links from own to target, row by row as it is searched."""
+    from scipy.sparse import csr_matrix
+
     first = np.zeros(count + 1, dtype=np.int32)
     np.cumsum(np.bincount(own, minlength=count), out=first[1:])
     sorted_target = target[by_label(own, count)]

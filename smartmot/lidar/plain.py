@@ -11,9 +11,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from smartmot.arrays import BoolArray, FloatArray, IntArray, StrArray
 from smartmot.errors import ConfigError
@@ -169,6 +166,10 @@ def _above_plane(xyz_m: FloatArray, config: PlainConfig) -> BoolArray:
 
 def _clusters(xyz_m: FloatArray, gap_m: float) -> tuple[IntArray, IntArray]:
     """(V,) cluster of each point and (C,) their sizes; neighbours are at most `gap_m` apart."""
+    from scipy.sparse import coo_matrix  # these take longer to import than a run
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
     if not len(xyz_m):
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     pairs = cKDTree(xyz_m).query_pairs(gap_m, output_type="ndarray")
