@@ -35,6 +35,7 @@ from scenarios.errors import ScenarioError, StepOrderError
 from scenarios.openscenario.model import ScenarioDefinition
 from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.motion.roads import Roads
+from scenarios.openscenario.running.actors import MAX_ACCELERATION_MPS2
 from scenarios.openscenario.running.engine import Engine
 from scenarios.places import MapView
 from scenarios.presets import Preset, pipeline_of, pose_errors_of, sensors_of
@@ -107,7 +108,12 @@ class Simulation:
         backwards = drives_backwards(definition, ego.name)
         self._drive = EgoDrive(preset.brakes, ego.length_m, adapts, driver)
         self.engine = Engine(
-            definition, self._drive, roads=roads, until_contact=True, apply_performance=apply_performance
+            definition,
+            self._drive,
+            roads=roads,
+            until_contact=True,
+            apply_performance=apply_performance,
+            keeps_samples=strategy is None,  # of what is perceived the log tells
         )
         self.network = network or self.engine.world.locator.roads.network
         self._preset, self._make_strategy = preset, strategy
@@ -334,18 +340,22 @@ class Simulation:
         return self._sensing.area(self._frame_of(Arrival(now, Detections.empty(now)), now))
 
     def _advance(self) -> None:
-        """Move the world on by a step, or by all of them up to the next measurement; begin the next one.
+        """Move the world on by a step, or by all of them up to the next measurement or arrival.
 
-        Step by step where a brake may bring the ego to a stop, or detections are to arrive.
+        Step by step where a brake may bring the ego to a stop.
         """
         engine, milestones, suite = self.engine, self._milestones, self._suite
         assert suite is not None
         waits_for_stop = milestones.flag is not None and milestones.stop_time_s is None
-        steps = min(self._measure_step, self._step_count) - self._steps_done
+        until = min(self._measure_step, self._step_count)
+        if suite.waiting:
+            until = min(until, round(suite.waiting[0].time_s / STEP_S))
+        if waits_for_stop:
+            hardest_mps2 = max(MAX_ACCELERATION_MPS2, self._drive.brakes.max_decel_mps2)
+            until = min(until, self._steps_done + int(abs(engine.ego_speed_mps) / (hardest_mps2 * STEP_S)))
         # a change just before the end of a step leaves the engine a little before it, for one step
         between = abs(engine.time_s - self._now_s) > 1e-12
-        if waits_for_stop or suite.waiting or engine.ego.commanded or between:
-            steps = 1
+        steps = 1 if between else max(until - self._steps_done, 1)
         after = (self._steps_done + steps) * STEP_S if steps > 1 else self._now_s + STEP_S
         engine.advance(after - engine.time_s)
         if engine.over:

@@ -321,9 +321,9 @@ class Actor:
         return self.steady(time_s) and self.profile.final_mps == 0.0
 
     @property
-    def has_plan(self) -> bool:
-        """Whether it goes along its path by its profile alone, forward, until something intervenes."""
-        alone = self.tow is None and self.coupling is None and not self.commanded
+    def goes_alone(self) -> bool:
+        """Whether it goes along its path forward, by its profile or its controller, and by nobody else."""
+        alone = self.tow is None and self.coupling is None
         return alone and not self.unparted and not self.profile.goes_back
 
     def next_kink_s(self, after_s: float) -> float:

@@ -7,7 +7,7 @@ touch inside a step, the instant is found by bisection and the step is split the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -18,17 +18,16 @@ from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import Pose
 from scenarios.openscenario.motion.positions import Locator
 from scenarios.openscenario.motion.roads import Roads, load_roads
-from scenarios.openscenario.motion.trajectories import starts_at_entity
 from scenarios.openscenario.motion.way_behind import with_way_behind
 from scenarios.openscenario.running.actors import Actor, State
 from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.driving import controllers
 from scenarios.openscenario.running.driving.contacts import Contacts
 from scenarios.openscenario.running.driving.criteria import Criteria, Criterion
-from scenarios.openscenario.running.driving.leaps import quiet_until_s
+from scenarios.openscenario.running.driving.leaps import gives_back, quiet_until_s
 from scenarios.openscenario.running.driving.signals import Signals
 from scenarios.openscenario.running.driving.trailers import couple_all
-from scenarios.openscenario.running.initial import come_later, in_order, is_used, refuse_choice, target_of
+from scenarios.openscenario.running.initial import check_places, come_later, in_order, is_used, target_of
 from scenarios.openscenario.running.results import Contact, Entities, Run, Samples, read_only
 from scenarios.openscenario.running.storyboard import Storyboard
 from scenarios.openscenario.running.world import Instant, World
@@ -70,6 +69,7 @@ class Engine:
         roads: the network, if it is already loaded.
         until_contact: whether the ego's first contact ends the run.
         apply_performance: whether vehicles stay within their Performance, as in esmini; else that is noted.
+        keeps_samples: whether states are kept step by step, for `result`; without, it has none.
 
     Raises:
         RunError: an initial action cannot be carried out.
@@ -84,6 +84,7 @@ class Engine:
         roads: Roads | None = None,
         until_contact: bool = False,
         apply_performance: bool = False,
+        keeps_samples: bool = True,
     ) -> None:
         if not step_s > 0.0:
             raise RunError(f"step_s: expected a positive number, got {step_s}")
@@ -116,7 +117,7 @@ class Engine:
         self._open: list[Observed] = []
         self._looks = 0
         self._kink_s = math.inf
-        self._samples = Samples()
+        self._samples, self._keeps_samples = Samples(), keeps_samples
         self._criteria = Criteria(definition.criteria, self.ego, locator.roads)
         # who is on which level, and what criteria of places see, follows from the step before
         self._may_leap = not (locator.roads.has_levels or self._criteria.looks)
@@ -161,41 +162,11 @@ class Engine:
         self.ego.exists = self.ego.exists and bool(self._actors)
         for actor in self._actors.values():
             actor.heed(0.0)
-        self._check_places()
+        check_places(self.definition, self.world.locator)
         self._now = Instant(0.0, self._actors)
         self._first_contact(self._now)
         self._process()
         self._sample(self._now)
-
-    def _check_places(self) -> None:
-        """Find places off the road that an action or a condition names before the run.
-
-        What is relative to an entity is known only when its action starts.
-        """
-        locator = self.world.locator
-        for event in self.definition.events():
-            for action in (named.action for named in event.actions):
-                match action:
-                    case model.SynchronizeAction():
-                        for position in (action.target, action.master_target):
-                            if not referred(position):
-                                locator.pose(position)
-                    case model.TeleportAction() | model.AddEntityAction() if not referred(action.position):
-                        locator.pose(action.position)
-                    case model.FollowTrajectoryAction(curve=curve):
-                        if not starts_at_entity(curve) and not referred(curve):
-                            locator.trajectory(curve, None)
-                    case model.AssignRouteAction() if not referred(action.route):
-                        locator.legs(action.route)
-        for condition in self.definition.conditions():
-            refuse_choice(condition, locator.roads)
-            match condition.kind:
-                case model.EntityCondition(
-                    kind=model.ReachPositionCondition(position=position)
-                    | model.DistanceCondition(position=position)
-                ):
-                    if not referred(position):
-                        locator.pose(position)
 
     def _pose_now(self, name: str) -> Pose:
         actor = self._actors[name]
@@ -243,8 +214,8 @@ class Engine:
     def _leap(self, most: int) -> int:
         """Carry out up to so many steps at once if nothing can change in them; how many (0: none).
 
-        The same to the bit as step by step: who moves by a plan is where it is, looked at before or not;
-        conditions and contacts are not looked at before they can change.
+        The same to the bit as step by step: who moves by a plan is where it is, looked at before or not, and
+        who is commanded is moved in each; conditions and contacts are not looked at before they can change.
         """
         board, now_s = self.storyboard, self.time_s
         if most < 2 or board.again or board.adapts or not self._may_leap:
@@ -252,17 +223,29 @@ class Engine:
         until_s = min(self._kink_s, now_s + (most + 1) * self.step_s)
         until_s = quiet_until_s(self._now, until_s, self._watching, self._contacts if self._meets else None)
         steps = min(most, int((until_s - FINEST_S - now_s) / self.step_s))
-        instants: list[Instant] = []
+        ends_s: list[float] = []
         for _ in range(steps):
             now_s = round(now_s + self.step_s, TIME_DIGITS)
-            instants.append(Instant(now_s, self._actors))
-        if steps < 2 or any(part.ended(instants[-1]) for part in board.running):
+            ends_s.append(now_s)
+        if steps < 2:
             return 0
+        last = Instant(now_s, self._actors)
+        if any(part.ended(last) for part in board.running):
+            return 0
+        commanded = [actor for actor in self._actors.values() if actor.commanded]
+        if not (commanded or self._keeps_samples):
+            ends_s = ends_s[-1:]
+        for number, end_s in enumerate(ends_s, 1):
+            last = Instant(end_s, self._actors)
+            for actor in commanded:
+                actor.pass_on(end_s, last.state(actor.name))
+            self._sample(last)
+            if any(gives_back(actor, end_s) for actor in commanded):
+                steps = number
+                break
         if self._meets:
-            self._contacts.wait(self._now, now_s)
-        for instant in instants:
-            self._sample(instant)
-        self._move(instants[-1])
+            self._contacts.wait(self._now, last.time_s)
+        self._move(last, commanded)
         return steps
 
     def _advance(self, duration_s: float) -> None:
@@ -314,10 +297,12 @@ class Engine:
         """Who has a controller."""
         return (actor for actor in self._actors.values() if actor.controller is not None)
 
-    def _move(self, instant: Instant) -> None:
+    def _move(self, instant: Instant, there: Sequence[Actor] = ()) -> None:
+        """Let everybody be where an instant has them; some are there already."""
         self.time_s, self._now = instant.time_s, instant
         for actor in self._actors.values():
-            actor.pass_on(instant.time_s, instant.state(actor.name))
+            if actor not in there:
+                actor.pass_on(instant.time_s, instant.state(actor.name))
             if actor.unparted:
                 actor.unparted = [o for o in actor.unparted if instant.gap_m(actor.name, o.name) <= 0.0]
 
@@ -432,9 +417,10 @@ class Engine:
     # Results
 
     def _sample(self, instant: Instant) -> None:
-        states = [instant.state(name) for name in self._actors]
-        self._samples.add(instant.time_s, states, [actor.exists for actor in self._actors.values()])
-        if states:
+        if self._keeps_samples:
+            states = [instant.state(name) for name in self._actors]
+            self._samples.add(instant.time_s, states, [actor.exists for actor in self._actors.values()])
+        if self._actors:
             self._criteria.look(instant.time_s, instant.state(self.ego.name))
 
     @property
@@ -478,7 +464,7 @@ class Engine:
         steady = (
             self._target_at_contact if contact else target.steady_since_s(self.time_s) if target else None
         )
-        time_s, table, exists = self._samples.columns()
+        time_s, table, exists = self._samples.columns(len(self._names))
         return Run(
             contact_time_s=contact.time_s if contact else None,
             contact_entity=contact.entity if contact else None,

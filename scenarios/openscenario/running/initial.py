@@ -1,4 +1,4 @@
-"""The order in which initial actions are carried out, who gets a place later, and whom the ego is to meet.
+"""The order of initial actions, who gets a place later, places off the road, and whom the ego is to meet.
 
 They all take place at the same instant, whatever their order in the file (OpenSCENARIO XML 1.3, Init): an
 action that refers to an entity waits until that entity has its initial place and speed.
@@ -6,12 +6,15 @@ action that refers to an entity waits until that entity has its initial place an
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Sequence
 
 from scenarios.openscenario import model
 from scenarios.openscenario.elements import referred
 from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.motion.positions import Locator
 from scenarios.openscenario.motion.roads import Roads
+from scenarios.openscenario.motion.trajectories import starts_at_entity
 
 InitialAction = tuple[str | None, model.Action]
 """Entity (None: a global action) and action."""
@@ -32,10 +35,26 @@ def in_order(init: Sequence[InitialAction]) -> list[InitialAction]:
 
     Actions that wait for one another in a circle stay in the order of the file.
     """
-    waiting, ordered = list(init), list[InitialAction]()
+    before = _before(init)
+    after: list[list[int]] = [[] for _ in init]
+    for number, needed in enumerate(before):
+        for other in needed:
+            after[other].append(number)
+    ready = [number for number, needed in enumerate(before) if not needed]
+    waiting, first = set(range(len(init))), 0
+    ordered: list[InitialAction] = []
     while waiting:
-        ready = next((k for k in range(len(waiting)) if not _waits(k, waiting)), 0)
-        ordered.append(waiting.pop(ready))
+        while first not in waiting:
+            first += 1
+        number = heapq.heappop(ready) if ready else first
+        if number not in waiting:  # one of a circle, which is ready once the others have gone
+            continue
+        waiting.remove(number)
+        ordered.append(init[number])
+        for other in after[number]:
+            before[other].discard(number)
+            if not before[other]:
+                heapq.heappush(ready, other)
     return ordered
 
 
@@ -74,27 +93,25 @@ def _asks(action: model.Action) -> frozenset[str]:
     return frozenset({_PLACE, _SPEED})
 
 
-def _waits(k: int, waiting: Sequence[InitialAction]) -> bool:
-    """Whether an action depends on another one that waits too."""
-    entity, action = _who(waiting[k]), waiting[k][1]
-    names, asked, set_by_it = referred(action), _asks(action), _sets(action)
-    needs_place = not isinstance(action, model.TeleportAction | model.AddEntityAction | model.SpeedAction)
-    for number, item in enumerate(waiting):
-        if number == k:
-            continue
-        other, before = _who(item), item[1]
-        if other in names and other != entity and _sets(before) & asked:
-            return True
+def _before(init: Sequence[InitialAction]) -> list[set[int]]:
+    """Numbers of the actions that each one depends on."""
+    of: dict[str | None, list[int]] = {}
+    for number, item in enumerate(init):
+        of.setdefault(_who(item), []).append(number)
+    given = [_sets(action) for _, action in init]
+    placing = model.TeleportAction | model.AddEntityAction | model.SpeedAction
+    depends: list[set[int]] = []
+    for k, item in enumerate(init):
+        entity, action = _who(item), item[1]
+        asked, needs_place = _asks(action), not isinstance(action, placing)
+        others = (j for name in referred(action) if name != entity for j in of.get(name, ()))
+        needed = {j for j in others if given[j] & asked}
         # of the entity's own the place comes first, and what sets the same stays in the order of the file
-        if other == entity and number < k and _sets(before) & set_by_it:
-            return True
-        if (
-            other == entity
-            and needs_place
-            and isinstance(before, model.TeleportAction | model.AddEntityAction | model.SpeedAction)
-        ):
-            return True
-    return False
+        needed |= {j for j in of[entity] if j < k and given[j] & given[k]}
+        if needs_place:
+            needed |= {j for j in of[entity] if j != k and isinstance(init[j][1], placing)}
+        depends.append(needed)
+    return depends
 
 
 def brings(action: model.Action) -> bool:
@@ -172,3 +189,36 @@ def target_of(definition: model.ScenarioDefinition, ego: str) -> str | None:
                 moved.extend(action.entities)
     names.extend((*moved, *(entity.name for entity in definition.entities)))
     return next((name for name in names if name != ego), None)
+
+
+def check_places(definition: model.ScenarioDefinition, locator: Locator) -> None:
+    """Find places off the road that an action or a condition names before the run.
+
+    What is relative to an entity is known only when its action starts.
+
+    Raises:
+        RunError: there is one.
+    """
+    for event in definition.events():
+        for action in (named.action for named in event.actions):
+            match action:
+                case model.SynchronizeAction():
+                    for position in (action.target, action.master_target):
+                        if not referred(position):
+                            locator.pose(position)
+                case model.TeleportAction() | model.AddEntityAction() if not referred(action.position):
+                    locator.pose(action.position)
+                case model.FollowTrajectoryAction(curve=curve):
+                    if not starts_at_entity(curve) and not referred(curve):
+                        locator.trajectory(curve, None)
+                case model.AssignRouteAction() if not referred(action.route):
+                    locator.legs(action.route)
+    for condition in definition.conditions():
+        refuse_choice(condition, locator.roads)
+        match condition.kind:
+            case model.EntityCondition(
+                kind=model.ReachPositionCondition(position=position)
+                | model.DistanceCondition(position=position)
+            ):
+                if not referred(position):
+                    locator.pose(position)

@@ -122,11 +122,11 @@ class Samples:
             self.states.extend(state[:4])
         self.exists.extend(exists)
 
-    def columns(self) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """(T,) times, (T, N, 4) x, y, yaw and speed, (T, N) who is there."""
+    def columns(self, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """(T,) times, (T, N, 4) x, y, yaw and speed, (T, N) who is there; N: so many entities."""
         times = np.array(self.time_s)
-        states = np.array(self.states).reshape(len(times), -1, 4)
-        return times, states, np.array(self.exists, dtype=np.bool_).reshape(len(times), -1)
+        states = np.array(self.states).reshape(len(times), count, 4)
+        return times, states, np.array(self.exists, dtype=np.bool_).reshape(len(times), count)
 
     def __deepcopy__(self, memo: dict[int, object]) -> Samples:
         """Columns of its own."""

@@ -1,12 +1,15 @@
 """Initial actions take place at the same instant, whatever their order in the file."""
 
+import random
+import time
 from itertools import permutations
 from pathlib import Path
 
 import pytest
 
 from scenarios.openscenario import Engine, RunError, load
-from tests.scenarios.openscenario.conftest import at, lane_position, private, speed, teleport
+from scenarios.openscenario.running.initial import _before, in_order
+from tests.scenarios.openscenario.conftest import at, lane_position, private, speed, teleport, write_scenario
 from tests.scenarios.openscenario.running.test_actions import distance
 
 FILES = Path(__file__).parents[3] / "data" / "field" / "openscenario"
@@ -58,3 +61,35 @@ def test_places_that_refer_to_one_another_are_refused(play):
 
     with pytest.raises(RunError, match="refers to 'Other' before that has one"):
         play(init=private("Ego", beside("Other"), speed(10)) + private("Other", beside("Ego")))
+
+
+@pytest.fixture
+def kinds(tmp_path):
+    """Initial actions that refer to the other entity in several ways, and some that do not."""
+    beside = teleport('<Position><RelativeObjectPosition entityRef="Ego" dx="1" dy="1"/></Position>')
+    init = private("Ego", *EGO) + private("Other", beside, HALF_AS_FAST, distance(12))
+    return [action for _, action in load(write_scenario(tmp_path, init=init)).init]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_each_is_carried_out_as_soon_as_what_it_depends_on_is(kinds, seed):
+    """The next is the first of the file that waits for none; of a circle the first of the file."""
+    rng = random.Random(seed)
+    init = [(rng.choice("ABC"), rng.choice(kinds)) for _ in range(rng.randrange(1, 30))]
+    init += [("Ego", rng.choice(kinds)) for _ in range(rng.randrange(4))]
+    rng.shuffle(init)
+    before, waiting, expected = _before(init), list(range(len(init))), []
+    while waiting:
+        number = next((k for k in waiting if not before[k].intersection(waiting)), waiting[0])
+        waiting.remove(number)
+        expected.append(number)
+    numbers = {id(item): number for number, item in enumerate(init)}
+    assert [numbers[id(item)] for item in in_order(init)] == expected
+
+
+def test_the_order_of_many_takes_a_moment(kinds):
+    """Two thousand actions; looking at each pair took some 20 s."""
+    init = [(str(k % 1000), random.Random(k).choice(kinds)) for k in range(2000)]
+    begin = time.process_time()
+    assert len(in_order(init)) == 2000
+    assert time.process_time() - begin < 4.0
