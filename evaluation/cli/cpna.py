@@ -67,6 +67,10 @@ def command(
     quiet: options.Quiet = False,
 ) -> None:
     """Car to pedestrian, near side, adult: an adult steps out in front of the ego."""
+    from evaluation.runs.workers import start_early
+
+    if scheduler is None:
+        start_early(workers, "evaluation.runs.execution")
     from evaluation.results.gates import RUN_MEASURES, sides_of_runs
     from evaluation.runs.cpna import CpnaSuite
     from evaluation.runs.folder_lock import locked, writable_folder

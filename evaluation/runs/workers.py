@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing.context import BaseContext
 from types import ModuleType
@@ -156,6 +156,22 @@ def _context(job: Callable[..., Any]) -> BaseContext:
     function = job.func if isinstance(job, partial) else job
     context.set_forkserver_preload([str(function.__module__)])
     return context
+
+
+def start_early(processes: int | None, module: str) -> None:
+    """Let what a later pool's processes come from import what they need, while this process does the same.
+
+    Args:
+        processes: how many there are to be; None: one per core.
+        module: of the job.
+    """
+    if (processes or available_cores()) < 2 or "forkserver" not in multiprocessing.get_all_start_methods():
+        return
+    from multiprocessing import forkserver
+
+    with _clean_start(), suppress(OSError):  # a pool that cannot be started says so itself
+        forkserver.set_forkserver_preload([module])
+        forkserver.ensure_running()
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -158,8 +157,7 @@ def _compare(
         known = conflicts(specs, workers)
         records = list(logged_runs(specs, out, workers, lambda: progress.advance(task)))
         rows = [scored(record.row, known[unbraked(record.spec)]) for record in records]
-        progress.update(task, description="drawing")
-        table, drawn = write_folder(out, specs, rows, configuration, pictures, published)
+        runs, table = _write_tables(out, rows, configuration, published)
     console.print(rich_table(table, title))
     judged = list(zip(rows, [record.criteria for record in records], strict=True))
     criteria = criteria_table(judged)
@@ -167,6 +165,9 @@ def _compare(
         write_criteria(out, judged)
         write_bytes(out / TABLE_MD, f"{markdown_table(table)}\n{markdown_table(criteria)}".encode())
         console.print(rich_table(criteria, "pass criteria of the file"))
+    with progress_bar(console) as progress:  # tables do not wait for pictures
+        progress.add_task("drawing", total=None)
+        drawn = _draw(out, runs, specs, pictures)
     also = ", pictures" if drawn else ""
     console.print(f"{len(rows)} runs in {out}: runs.csv, runs.json, table.md, logs/{also}")
     notes = told_notes([record.notes for record in records])
@@ -199,16 +200,23 @@ def write_folder(
     Raises:
         ResultsError: the folder cannot be written.
     """
+    runs, table = _write_tables(out, rows, configuration, published)
+    return table, _draw(out, runs, specs, pictures)
+
+
+def _write_tables(
+    out: Path,
+    rows: Sequence[RunRow],
+    configuration: Mapping[str, object],
+    published: Mapping[str, Published] | None,
+) -> tuple[pd.DataFrame, Table]:
+    """Write the tables of finished runs: the runs as they are read again, and the comparison."""
     write_runs(out, rows, configuration)
     runs = read_runs(out)
-    drawn: list[Path] = []
-    if pictures is not None:
-        with contextlib.suppress(RouteError):  # a car that drives on no lane, as in reverse: no place to draw
-            drawn = _draw(out, runs, specs, pictures)
     scored = bool(runs["score"].notna().any())
     table = comparison_table(runs, published) if scored else impact_table(runs)
     write_bytes(out / TABLE_MD, markdown_table(table).encode())
-    return table, drawn
+    return runs, table
 
 
 def draw_again(
@@ -247,15 +255,21 @@ def draw_again(
     return save_pictures(directory, runs, logs, setup.network, setup.strategy, shown=name, suffix=form), notes
 
 
-def _draw(directory: Path, runs: pd.DataFrame, specs: Sequence[RunSpec], form: str) -> list[Path]:
+def _draw(directory: Path, runs: pd.DataFrame, specs: Sequence[RunSpec], form: str | None) -> list[Path]:
+    """Draw the pictures of finished runs in a format; None: no pictures."""
+    if form is None:
+        return []
     from evaluation.views.pictures import run_to_show, save_pictures
 
     name = run_to_show(runs)
     spec = next(spec for spec in specs if spec.log == name)
     simulation = simulation_of(spec)
-    view = simulation.map_view()
     strategy = None
-    if spec.strategy != NO_AEB:  # else nobody perceives
-        strategy = make_strategy(spec.strategy, preset_of(spec, definition_of(spec)), view)
+    try:
+        view = simulation.map_view()
+        if spec.strategy != NO_AEB:  # else nobody perceives
+            strategy = make_strategy(spec.strategy, preset_of(spec, definition_of(spec)), view)
+    except RouteError:  # a car that drives on no lane, as in reverse: no place to draw
+        return []
     logs = read_logs(directory, runs)
     return save_pictures(directory, runs, logs, simulation.network, strategy, shown=name, suffix=form)

@@ -44,7 +44,7 @@ class Follower:
             desired_mps: speed on a free road.
             desired_mps2: how that changes; a harder deceleration than comfort allows is carried out.
         """
-        free = ACCEL_MPS2 * (1.0 - (max(speed_mps, 0.0) / max(abs(desired_mps), _LEAST)) ** EXPONENT)
+        free: float = ACCEL_MPS2 * (1.0 - (max(speed_mps, 0.0) / max(abs(desired_mps), _LEAST)) ** EXPONENT)
         wanted = free
         if lead is not None:
             # the desired gap is measured between the fronts, as highway-env does

@@ -237,10 +237,12 @@ class Engine:
             ends_s = ends_s[-1:]
         for number, end_s in enumerate(ends_s, 1):
             last = Instant(end_s, self._actors)
+            given_back = False
             for actor in commanded:
                 actor.pass_on(end_s, last.state(actor.name))
+                given_back = given_back or gives_back(actor, end_s)
             self._sample(last)
-            if any(gives_back(actor, end_s) for actor in commanded):
+            if given_back:
                 steps = number
                 break
         if self._meets:

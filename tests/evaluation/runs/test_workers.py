@@ -9,13 +9,14 @@ import signal
 import subprocess
 import sys
 import time
+from multiprocessing import forkserver
 from pathlib import Path
 
 import pytest
 
 from evaluation.errors import WorkerError
 from evaluation.runs import workers
-from evaluation.runs.workers import execute_all
+from evaluation.runs.workers import execute_all, start_early
 
 SCRIPT = """
 import signal, sys
@@ -129,6 +130,25 @@ def test_without_a_forkserver_each_worker_starts_by_itself(monkeypatch: pytest.M
     assert set(execute_all(start_method, range(4), 2)) == {"ForkServerProcess"}
     monkeypatch.setattr(multiprocessing, "get_all_start_methods", lambda: ["spawn"])
     assert set(execute_all(start_method, range(4), 2)) == {"SpawnProcess"}
+
+
+def test_an_early_start_is_that_of_the_pool(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One process does the work itself, and needs no start."""
+    started: list[str | None] = []
+    ensure = forkserver.ensure_running
+
+    def ensure_running() -> None:
+        started.append(os.environ.get("PYTHONSAFEPATH"))
+        ensure()
+
+    monkeypatch.setattr(forkserver, "ensure_running", ensure_running)
+    start_early(1, "evaluation.runs.execution")
+    assert started == []
+    before = os.environ.get("PYTHONSAFEPATH")
+    start_early(2, "evaluation.runs.execution")
+    assert started == ["1"]
+    assert os.environ.get("PYTHONSAFEPATH") == before
+    assert list(execute_all(slow_for_small, range(4), 2)) == [0, 1, 4, 9]
 
 
 def alive(process: int) -> bool:

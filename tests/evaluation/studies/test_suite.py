@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import pytest
+import rich.console
 
+from evaluation.errors import ArgumentError
 from evaluation.results.rows import avoided, read_runs
 from evaluation.studies.suite import compare_files
+from evaluation.views import pictures
 from scenarios.catalogue.library import scenario_path
 from scenarios.spec import RunSpec
 
@@ -44,3 +48,18 @@ def test_a_speed_without_conflict_wins_no_points(tmp_path: Path, capsys: pytest.
         "| **no conflict** | **1 of 2** |  |",
     ]
     assert "CPNA, 40 km/h: no conflict without braking" in capsys.readouterr().out
+
+
+def test_the_table_does_not_wait_for_the_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is drawn may fail: then the table has been shown, and its files are there."""
+
+    def fails(*arguments: object, **options: object) -> list[Path]:
+        raise ArgumentError("no room for pictures")
+
+    monkeypatch.setattr(pictures, "save_pictures", fails)
+    console = rich.console.Console(file=io.StringIO(), width=100)
+    with pytest.raises(ArgumentError, match="no room"):
+        compare_files([cpna(tmp_path, 30.0, "$_Lead")], tmp_path / "out", "png", console=console)
+    assert isinstance(console.file, io.StringIO)
+    assert "2.00" in console.file.getvalue()
+    assert (tmp_path / "out" / "table.md").is_file()
