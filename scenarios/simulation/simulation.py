@@ -35,7 +35,6 @@ from scenarios.errors import ScenarioError, StepOrderError
 from scenarios.openscenario.model import ScenarioDefinition
 from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.motion.roads import Roads
-from scenarios.openscenario.running.actors import MAX_ACCELERATION_MPS2
 from scenarios.openscenario.running.engine import Engine
 from scenarios.places import MapView
 from scenarios.presets import Preset, pipeline_of, pose_errors_of, sensors_of
@@ -342,7 +341,7 @@ class Simulation:
     def _advance(self) -> None:
         """Move the world on by a step, or by all of them up to the next measurement or arrival.
 
-        Step by step where a brake may bring the ego to a stop.
+        Step by step where the ego may come to the stop that is waited for.
         """
         engine, milestones, suite = self.engine, self._milestones, self._suite
         assert suite is not None
@@ -350,9 +349,8 @@ class Simulation:
         until = min(self._measure_step, self._step_count)
         if suite.waiting:
             until = min(until, round(suite.waiting[0].time_s / STEP_S))
-        if waits_for_stop:
-            hardest_mps2 = max(MAX_ACCELERATION_MPS2, self._drive.brakes.max_decel_mps2)
-            until = min(until, self._steps_done + int(abs(engine.ego_speed_mps) / (hardest_mps2 * STEP_S)))
+        if waits_for_stop and not self._keeps_moving((until - self._steps_done) * STEP_S):
+            until = self._steps_done + 1
         # a change just before the end of a step leaves the engine a little before it, for one step
         between = abs(engine.time_s - self._now_s) > 1e-12
         steps = 1 if between else max(until - self._steps_done, 1)
@@ -378,6 +376,12 @@ class Simulation:
         self._now_s = self._steps_done * STEP_S
         if self._steps_done in (self._measure_step, self._step_count):
             self._begin_step()
+
+    def _keeps_moving(self, duration_s: float) -> bool:
+        """Whether the ego is commanded, and will not stand within a duration."""
+        drive, now = self._drive, self._now_s
+        commands = self.engine.ego.commanded and drive.commands_from_s <= now
+        return commands and drive.motion(now, duration_s).speed_mps != 0.0
 
     def _begin_step(self) -> None:
         """End the run where the rule asks for it; else let the sensors measure that are to do so."""
