@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from evaluation.studies.answers.study import Question, Sample
     from scenarios.settings import Settings
 
-QUESTIONS = ("gain", "break-even", "sensor", "trigger", "tune", "lidar", "worst")
+QUESTIONS = ("gain", "break-even", "sensor", "trigger", "severity", "tune", "lidar", "worst")
 
 EXAMPLES = options.examples(
     "`smartmot-eval study gain --preset physical,real --rule paper,rss`",
@@ -24,6 +24,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval study break-even`",
     "`smartmot-eval study sensor`",
     "`smartmot-eval study trigger`",
+    "`smartmot-eval study severity --seed 2`",
     "`smartmot-eval study tune --split train` and then",
     "`smartmot-eval study gain --tuned results/study/tune/tuned.json`",
     "`smartmot-eval study lidar --count 40`",
@@ -37,13 +38,16 @@ def command(
         str,
         typer.Argument(
             help="gain: of lanes over a planned path; break-even: how wrong localisation and map may be; "
-            "sensor: which error costs most; trigger: which brake rule, how sensitive; tune: settings on "
-            "training scenes; lidar: what the map gains with detections from point clouds; worst: where one "
-            "just fails, and how probable that is.",
+            "sensor: which error costs most; trigger: which brake rule, how sensitive; severity: what false "
+            "activations cost; tune: settings on training scenes; lidar: what the map gains with detections "
+            "from point clouds; worst: where one just fails, and how probable that is.",
             metavar="QUESTION",
         ),
     ],
-    count: Annotated[int, typer.Option(min=1, max=100_000, help="Scenes of each kind.")] = 300,
+    count: Annotated[
+        int | None,
+        typer.Option(min=1, max=100_000, help="Scenes of each kind. Default: 300; of severity: 50."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Of scenes and sensor noise.")] = 0,
     split: Annotated[
         str | None, typer.Option(help="Maps of the scenes: train or test. Default: test; of tune: train.")
@@ -52,15 +56,16 @@ def command(
         str | None,
         typer.Option(
             help="Conditions: paper, physical or real; gain takes several, comma-separated. Default: "
-            "physical; of gain: physical,real.",
+            "physical; of gain: physical,real; of severity: real.",
             metavar="NAMES",
         ),
     ] = None,
     rule: Annotated[
         str | None,
         typer.Option(
-            help="Brake rule, shipped or package.module:name; gain, trigger and tune take several. "
-            "Default: paper; of gain: paper,cascade; of trigger: all. tune takes the first with every "
+            help="Brake rule, shipped or package.module:name; gain, trigger, severity and tune take several. "
+            "Default: paper; of gain: paper,cascade; of severity: paper,cascade,rss,staged; of trigger: all. "
+            "tune takes the first with every "
             "area, the others with the planned path.",
             metavar="NAMES",
         ),
@@ -69,7 +74,7 @@ def command(
         str,
         typer.Option(
             help="gain and tune: `adaptive` and your own beside the shipped, package.module:name; sensor, "
-            "trigger and worst: the one that is run.",
+            "trigger and worst: the one that is run; severity: those that are run.",
             metavar="NAMES",
         ),
     ] = "",
@@ -99,6 +104,13 @@ def command(
     monte_carlo: Annotated[
         int, typer.Option(min=0, max=10_000_000, help="worst: so many independent scenes beside, as a check.")
     ] = 0,
+    weights: Annotated[
+        str | None,
+        typer.Option(
+            help="severity: what speed lost, peak deceleration and those behind weigh. Default: 1,1,1.",
+            metavar="A,B,C",
+        ),
+    ] = None,
     trials: Annotated[int, typer.Option(min=1, max=1000, help="tune: settings of each strategy.")] = 12,
     maps: Annotated[
         Path | None, typer.Option(help="Folder with further OpenDRIVE maps to draw on.", metavar="DIR")
@@ -131,11 +143,14 @@ def command(
     split = options.parse_name(
         split or ("train" if question == "tune" else "test"), ("train", "test"), "--split"
     )
+    count = count or (50 if question == "severity" else 300)
     sample = Sample(split, count, seed, maps.resolve() if maps else None)
-    usual = "physical,real" if question == "gain" else "physical"
+    usual = {"gain": "physical,real", "severity": "real"}.get(question, "physical")
     presets = options.parse_names(preset or usual, tuple(PRESETS), "--preset")
     formats = options.parse_names(form, options.PICTURE_FORMATS, "--format")
     path_from = options.parse_name(path_from, PARAMETERS["path_from"].choices, "--path-from")
+    if weights is not None and question != "severity":
+        raise ArgumentError(f"--weights: {question} takes none; give them to severity")
     if path_from != "planner" and question != "break-even":
         raise ArgumentError(f"--path-from: {question} takes none; give it to break-even")
     rules = _rules(question, rule)
@@ -166,7 +181,10 @@ def command(
     for given, name in ((family, "--family"), (monte_carlo, "--monte-carlo")):
         if given:
             raise ArgumentError(f"{name}: {question} takes none; give it to worst")
-    asked = _question(question, sample, formats, presets, rules, strategies, tuned, trials, path_from)
+    if question == "severity":
+        asked = _severity(sample, formats, presets, rules, strategies, tuned, weights)
+    else:
+        asked = _question(question, sample, formats, presets, rules, strategies, tuned, trials, path_from)
     asked = replace(asked, common=lidar)
     with locked(writable_folder(out)):
         results = ask(asked, out, who, quiet)
@@ -220,13 +238,46 @@ def _worst(
 
 
 def _rules(question: str, text: str | None) -> tuple[str, ...]:
+    from evaluation.studies.answers.severity import RULES
     from evaluation.studies.answers.trigger import FAMILIES
     from scenarios.settings import PARAMETERS
 
     known = PARAMETERS["rule"].choices
     if text is None:
-        return {"trigger": FAMILIES, "gain": ("paper", "cascade")}.get(question, ("paper",))
+        usual = {"trigger": FAMILIES, "gain": ("paper", "cascade"), "severity": RULES}
+        return usual.get(question, ("paper",))
     return options.parse_names(text, known, "--rule", own=True)
+
+
+def _severity(
+    sample: Sample,
+    formats: tuple[str, ...],
+    presets: tuple[str, ...],
+    rules: tuple[str, ...],
+    strategies: str,
+    tuned: Path | None,
+    weights: str | None,
+) -> Question:
+    """What false activations cost, as it was typed.
+
+    Raises:
+        ArgumentError: an option does not go with it.
+    """
+    from evaluation.errors import ArgumentError
+    from evaluation.studies.answers.rivals import ADAPTIVE, RIVALS, Rival
+    from evaluation.studies.answers.severity import Severity, Weights
+
+    if len(presets) > 1:
+        raise ArgumentError("--preset: severity takes one; give gain several")
+    if tuned is not None:
+        raise ArgumentError("--tuned: severity takes none")
+    asked = Severity(sample, formats, preset=presets[0], rules=rules)
+    if strategies:
+        shipped = {rival.name: rival for rival in (*RIVALS, ADAPTIVE) if not rival.is_as_published}
+        names = options.parse_names(strategies, tuple(shipped), "--strategies", own=True)
+        areas = tuple(shipped.get(name) or Rival(name, "of the user's own", name) for name in names)
+        asked = replace(asked, areas=areas)
+    return asked if weights is None else replace(asked, weights=Weights.parsed(weights))
 
 
 def _question(
