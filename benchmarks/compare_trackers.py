@@ -166,9 +166,16 @@ def main() -> int:
     parser.add_argument("--argoverse2", type=Path, default=SHARED / "argoverse2" / "detections_2hz")
     parser.add_argument("--peer-python", help="interpreter that has norfair and motpy")
     arguments = parser.parse_args()
+    folders = {"KITTI": arguments.kitti, "Argoverse 2": arguments.argoverse2}
+    there = {name: folder for name, folder in folders.items() if folder.is_dir()}
+    for name, folder in folders.items():
+        if name not in there:
+            print(f"{folder}: no folder, {name} left out")
+    if not there:
+        return 0
     with tempfile.TemporaryDirectory() as scratch:
         python = arguments.peer_python or peer_python(Path(scratch))
-        for name, folder in (("KITTI", arguments.kitti), ("Argoverse 2", arguments.argoverse2)):
+        for name, folder in there.items():
             data = read_dataset(folder)
             print(f"\n{name}: HOTA / MOTA / IDF1")
             print(f"  {'':<14}" + "".join(f"{category:<24}" for category in CATEGORIES))

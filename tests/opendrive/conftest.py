@@ -122,9 +122,11 @@ def oracle(shared: Path) -> Callable[[str, str], dict[str, Any]]:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run tests that ask for `map_name` on every reference map."""
+    """Run tests that ask for `map_name` on every reference map, all of a map together: it is loaded once."""
     if "map_name" in metafunc.fixturenames:
         names = sorted(file.stem for file in (SHARED / "maps").glob("*.xodr"))
         metafunc.parametrize(
-            "map_name", names or [pytest.param("", marks=pytest.mark.skip("no reference maps"))]
+            "map_name",
+            names or [pytest.param("", marks=pytest.mark.skip("no reference maps"))],
+            scope="session",
         )
