@@ -36,6 +36,9 @@ class RunningAction(ABC, Generic[ActionT_co]):
     domains: frozenset[str] = frozenset()
     """Actions that share an entity and a domain replace each other."""
 
+    outlasts_routes = False
+    """Whether a route that is assigned meanwhile waits until it is over."""
+
     goes_on = False
     """Whether `update` leaves place and speed at its instant as they are, and changes only later ones."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import accumulate, pairwise
+from typing import TypeVar
 
 import numpy as np
 
@@ -247,21 +248,35 @@ def timed_profile(
     return SpeedProfile(min(first_s, time_s), 0.0, [Piece(wait, 0.0, 0.0), *pieces])
 
 
-class AssignRoute(RunningAction[model.AssignRouteAction]):
-    """AssignRouteAction: from its lane on along the route, at its offset."""
+RoutingT_co = TypeVar(
+    "RoutingT_co", bound="model.AssignRouteAction | model.AcquirePositionAction", covariant=True
+)
+
+
+class Routing(RunningAction[RoutingT_co]):
+    """What gives an entity a route, which is taken at once, or once a change of its offset is over."""
 
     domains = frozenset({LATERAL})
+    waits = False
+
+    def _take(self, time_s: float, legs: list[Leg], name: str) -> None:
+        if self.waits:
+            self.who.route = legs
+        else:
+            take_route(self.who, self.world, time_s, legs, name)
+
+
+class AssignRoute(Routing[model.AssignRouteAction]):
+    """AssignRouteAction: from its lane on along the route, at its offset."""
 
     def start(self, time_s: float) -> None:
         """Put the entity on the route."""
         legs = self.world.locator.legs(self.action.route)
-        take_route(self.who, self.world, time_s, legs, f"route '{self.action.route.name}'")
+        self._take(time_s, legs, f"route '{self.action.route.name}'")
 
 
-class AcquirePosition(RunningAction[model.AcquirePositionAction]):
+class AcquirePosition(Routing[model.AcquirePositionAction]):
     """AcquirePositionAction: the shortest way along lanes to a place, from where the entity is."""
-
-    domains = frozenset({LATERAL})
 
     def start(self, time_s: float) -> None:
         """Put the entity on the way there."""
@@ -270,7 +285,7 @@ class AcquirePosition(RunningAction[model.AcquirePositionAction]):
         place = roads.place(self.who.pose(time_s))
         if place is None or goal is None:
             raise RunError(f"'{self.who.name}' is to acquire a position, and one of the two is in no lane")
-        take_route(self.who, self.world, time_s, roads.route_legs([place, goal]), "the way to a position")
+        self._take(time_s, roads.route_legs([place, goal]), "the way to a position")
 
 
 def take_route(actor: Actor, world: World, time_s: float, legs: list[Leg], name: str) -> None:

@@ -393,7 +393,10 @@ class Storyboard:
                     and other.actor is actor
                     and other.domains & part.domains
                 ):
-                    other.stop(instant.time_s)
+                    if other.outlasts_routes and isinstance(part, following.Routing):
+                        part.waits = True
+                    else:
+                        other.stop(instant.time_s)
             part.start(instant.time_s)
             part.over = part.ended(Instant(instant.time_s, self._world.actors))
             started.append(part)

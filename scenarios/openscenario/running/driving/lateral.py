@@ -25,7 +25,7 @@ from scenarios.openscenario.motion.profiles import SLOPES, SpeedProfile
 from scenarios.openscenario.motion.way_behind import with_way_behind
 from scenarios.openscenario.running.actions import LATERAL, RunningAction
 from scenarios.openscenario.running.actors import STANDING_MPS, Actor
-from scenarios.openscenario.running.following import go_on
+from scenarios.openscenario.running.following import go_on, take_route
 from scenarios.openscenario.running.world import Instant, World
 from smartmot.types import FloatArray
 
@@ -47,7 +47,12 @@ class _Sideways(RunningAction[LateralT_co]):
     """
 
     domains = frozenset({LATERAL})
+    outlasts_routes = True
     shape: model.SpeedShape = "step"
+
+    def __init__(self, world: World, actor: Actor | None, action: LateralT_co) -> None:
+        super().__init__(world, actor, action)
+        self._route = None if actor is None else actor.route
 
     def _begin(self, time_s: float, curve: Path, target_m: float, duration_s: float) -> None:
         """Begin a change to an offset from a curve over a time."""
@@ -185,10 +190,13 @@ class _Sideways(RunningAction[LateralT_co]):
         return self._along * instant.state(self.who.name).station_m >= self._end_m - NO_OFFSET_M
 
     def finish(self, time_s: float) -> None:
-        """Go on along the curve itself where there is no offset from it."""
-        if self._target == 0.0:
+        """Go on along a route that was assigned meanwhile, or the curve itself if there is no offset."""
+        who = self.who
+        if who.route is not None and who.route is not self._route:
+            take_route(who, self.world, time_s, who.route, "the route")
+        elif self._target == 0.0:
             station = self._along * self._station_now(time_s)
-            self.who.follow(time_s, self._ahead, station, trajectory=False)
+            who.follow(time_s, self._ahead, station, trajectory=False)
         super().finish(time_s)
 
     def leave(self, time_s: float) -> None:
@@ -290,7 +298,11 @@ class _Kept(_Sideways[LateralT_co]):
         """Whether the offset moves with another entity."""
 
     def update(self, instant: Instant) -> bool:
-        """Follow the other entity."""
+        """Follow the other entity, and a route that is new."""
+        if self.who.route is not self._route and self._reached(instant):
+            self._route, self._middle = self.who.route, self._beside_what(instant.time_s)
+            self._begin(instant.time_s, self._middle, *self._asked(instant.time_s))
+            return True
         if self._follows() and instant.time_s > self._begin_s:
             offset, duration = self._asked(instant.time_s)
             if abs(offset - self._along * self._target) > NO_OFFSET_M and self._reached(instant):
