@@ -36,7 +36,9 @@ NUMBERS = 192
 """Uniform numbers of a scene, more than most draws ask for; the last of a sample is the seed of the noise."""
 
 CUT_OFF_RUN = "the run was cut off"
-"""Why there is no margin of a scene that can be."""
+EARLY_RUN = "the ego braked before the target set off"
+"""Why there is no margin of a scene that can be: an ego that braked early never met the target, which the
+other questions do not take for a collision avoided either."""
 
 _SEEDS = 10**9
 
@@ -109,8 +111,8 @@ class Came:
 
     Args:
         margin: least gap to the target, m; of a contact the impact speed, km/h, negative. One number that
-            falls as things get worse; None: no scene, or a run that was cut off.
-        rejected: why there is no scene; empty if there is one.
+            falls as things get worse; None: no scene, or a run that says nothing.
+        rejected: why there is no margin; empty if there is one.
         collided: whether the ego touched another.
         v_impact_kmh: its speed then; 0 without contact.
         gap_m: least distance between the outlines of ego and target.
@@ -138,11 +140,10 @@ def come(case: Case) -> tuple[Came, FrameTime]:
         collided = outcome.contact is not None
         v_impact = impact_speed_kmh(outcome) or 0.0
         gap = 0.0 if collided else least_gap_m(outcome)
-        cut = outcome.end_reason.value in {reason.value for reason in CUT_OFF}
-        margin = None if cut else (-max(v_impact, 1e-9) if collided else gap)
+        says_nothing = why_no_margin(outcome)
         came = Came(
-            margin,
-            CUT_OFF_RUN if cut else "",
+            None if says_nothing else (-max(v_impact, 1e-9) if collided else gap),
+            says_nothing,
             collided,
             v_impact,
             gap,
@@ -150,6 +151,13 @@ def come(case: Case) -> tuple[Came, FrameTime]:
             json.dumps(dict(scene.values), sort_keys=True),
         )
         return came, frame_time(outcome.frame_time_ms)
+
+
+def why_no_margin(outcome: Outcome) -> str:
+    """Why a run says nothing of its scene; empty if it does. A contact always does."""
+    if outcome.contact is not None or outcome.avoided:
+        return ""
+    return CUT_OFF_RUN if outcome.end_reason in CUT_OFF else EARLY_RUN
 
 
 def least_gap_m(outcome: Outcome) -> float:

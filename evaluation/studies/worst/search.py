@@ -23,7 +23,7 @@ from evaluation.runs.workers import Workers
 from evaluation.studies.answers.study import Answer
 from evaluation.studies.compare.figures import FORMATS, save
 from evaluation.studies.suite import compare_files
-from evaluation.studies.worst.family import CUT_OFF_RUN, Came, Case, Family, come
+from evaluation.studies.worst.family import CUT_OFF_RUN, EARLY_RUN, Came, Case, Family, come
 from evaluation.studies.worst.subset import RareFailure, monte_carlo, subset_simulation
 from smartmot.types import FloatArray
 
@@ -141,9 +141,13 @@ def answer(searched: Searched) -> Answer:
             f"Independent runs beside: {p.value:.2g} [{p.low:.2g}, {p.high:.2g}] of {p.count}; the two "
             f"{'agree' if agree else 'do not agree'}."
         )
-    cut = sum(came.rejected == CUT_OFF_RUN for _, came in searched.cases)
-    if cut:
-        words.append(f"{cut} runs were cut off by the time limit; they are in no number.")
+    for reason, text in (
+        (CUT_OFF_RUN, "were cut off by the time limit"),
+        (EARLY_RUN, "braked before the target set off, and never met it"),
+    ):
+        count = sum(came.rejected == reason for _, came in searched.cases)
+        if count:
+            words.append(f"{count} runs {text}; they are in no number.")
     ranked = influence(searched)
     if ranked:
         named = ", ".join(f"{name} ({value:+.2f})" for name, value in ranked[:4])

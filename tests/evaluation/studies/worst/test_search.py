@@ -16,13 +16,26 @@ from evaluation.errors import ArgumentError
 from evaluation.results.rows import read_runs
 from evaluation.studies.answers.rivals import MAP, PATH
 from evaluation.studies.worst import search as module
-from evaluation.studies.worst.family import CUT_OFF_RUN, NUMBERS, Family, come, least_gap_m
+from evaluation.studies.worst.family import (
+    CUT_OFF_RUN,
+    EARLY_RUN,
+    NUMBERS,
+    Family,
+    come,
+    least_gap_m,
+    why_no_margin,
+)
 from evaluation.studies.worst.search import Searched, answer, search, write
 from scenarios.drawn import draw
 from scenarios.drawn.draw import KINDS, copy_maps, grounds_of, scene_of
 from scenarios.drawn.values import Given, RejectedDraw
+from scenarios.openscenario.running.results import Contact
+from scenarios.simulation.ends import EndReason
+from scenarios.simulation.log import RunLog
+from scenarios.simulation.outcome import Outcome
 from scenarios.spec import simulation_of
 from smartmot.geometry import signed_gap
+from smartmot.types import Dropped
 
 FAMILY = Family("runner from far aside", MAP.arm("physical", "paper"))
 OTHER = Family("runner from far aside", PATH.arm("physical", "paper"))
@@ -156,8 +169,40 @@ def test_a_family_that_is_not_known_is_named() -> None:
 
 def test_runs_that_were_cut_off_are_counted_in_words(found: tuple[Searched, Path]) -> None:
     searched, _ = found
-    assert not any("cut off" in sentence for sentence in answer(searched).sentences)
+    assert not any("in no number" in sentence for sentence in answer(searched).sentences)
     case, came = searched.cases[0]
-    cut = replace(came, margin=None, rejected=CUT_OFF_RUN)
-    more = replace(searched, cases=(*searched.cases, (case, cut)))
-    assert any(sentence.startswith("1 runs were cut off") for sentence in answer(more).sentences)
+    for reason, words in (
+        (CUT_OFF_RUN, "1 runs were cut off"),
+        (EARLY_RUN, "1 runs braked before the target"),
+    ):
+        silent = replace(came, margin=None, rejected=reason)
+        more = replace(searched, cases=(*searched.cases, (case, silent)))
+        assert any(sentence.startswith(words) for sentence in answer(more).sentences)
+
+
+@pytest.mark.parametrize(
+    ("touches", "end_reason", "is_early", "expected"),
+    [
+        (False, EndReason.STOPPED, False, ""),
+        (False, EndReason.PASSED, None, ""),
+        (False, EndReason.STOPPED, True, EARLY_RUN),
+        (False, EndReason.TIME_LIMIT, False, CUT_OFF_RUN),
+        (True, EndReason.CONTACT, True, ""),
+    ],
+)
+def test_an_ego_that_braked_before_the_target_set_off_has_avoided_nothing(
+    touches: bool, end_reason: EndReason, is_early: bool | None, expected: str
+) -> None:
+    """As in the other questions, by the same function; a contact is one whatever came before."""
+    contact = Contact(3.0, "target", 5.0, 0.0, 50.0) if touches else None
+    none = dict.fromkeys(
+        ("flag_time_s", "flag_distance_m", "flag_ttc_s", "stop_time_s", "stop_gap_m", "target",
+         "target_start_time_s", "target_steady_time_s"),
+    )  # fmt: skip
+    texts = np.zeros(0, dtype=np.str_)
+    outcome = Outcome(
+        **none, contact=contact, end_reason=end_reason, false_activation=is_early, end_time_s=4.0,
+        detections=0, dropped=Dropped(), notes=(), log=RunLog(texts, texts), frame_time_ms=np.zeros(0),
+    )  # fmt: skip
+    assert why_no_margin(outcome) == expected
+    assert outcome.avoided is (not touches and not expected)
