@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, TypeAlias
 
-from scenarios.openscenario.elements import Attribute, Child, Element, EntityName
+from scenarios.openscenario.elements import Attribute, Child, Element, EntityName, Reference
 
 RouteStrategy: TypeAlias = Literal["shortest", "fastest", "leastIntersections", "random"]
 System: TypeAlias = Literal["entity", "lane", "road", "trajectory"]
@@ -105,7 +105,8 @@ class RelativeWorldPosition(Element, attributes="entityRef dx dy dz"):
 class RoutePosition(Element, children="RouteRef InRoutePosition Orientation"):
     """A place on a route; `lane_id` is None for road coordinates (then `offset_m` is t).
 
-    Lane ids, offsets and heading are those of a road whose s runs along the route.
+    Lane ids, offsets and heading are those of a road whose s runs along the route. With an entity it is where
+    that is now, heading along the route.
     """
 
     route: Annotated[Route, Child("RouteRef")]
@@ -113,6 +114,7 @@ class RoutePosition(Element, children="RouteRef InRoutePosition Orientation"):
     lane_id: int | None
     offset_m: float
     orientation: Oriented
+    entity: Annotated[str | None, Reference()] = None
 
 
 class TrajectoryPosition(Element):

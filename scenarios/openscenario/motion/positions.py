@@ -38,6 +38,9 @@ from scenarios.openscenario.motion.trajectories import build, starts_at_entity
 CLOSED_WAY_M = 10_000.0
 """A closed route is driven round for so long a way."""
 
+ROUTE_REACH_M = 10.0
+"""Who is further beside a route is not on it."""
+
 SHORTEST_ROUND_M = 0.1
 """A closed route that is shorter has its waypoints at one place."""
 
@@ -169,6 +172,8 @@ class Locator:
         return self._in_lane(place.road_id, lane_id, s, position.offset_m, position.orientation, against)
 
     def _on_route(self, position: RoutePosition) -> Pose:
+        if position.entity is not None:
+            return self._beside_route(position.route, position.entity)
         leg, s = self._leg_at(self.legs(position.route), position.path_s_m, position.route.name)
         key = self.roads.network.lanes.key[leg.lane]
         t = position.offset_m * leg.along_s
@@ -179,6 +184,18 @@ class Locator:
             t += self.roads.lane_middle_m(self.roads.lane(key.road_id, lane_id, s), s)
         frame = self.roads.point(key.road_id, s, t)
         return frame if leg.along_s > 0 else frame.moved(0.0, 0.0, math.pi)
+
+    def _beside_route(self, route: Route, entity: str) -> Pose:
+        """Where an entity is, heading along a route.
+
+        Raises:
+            RunError: it is not on the route.
+        """
+        pose, way = self._pose_of(entity), self.roads.path(self.legs(route), 0.0)
+        station_m, left_m = way.project(pose.x_m, pose.y_m)
+        if not -1e-3 <= station_m <= way.length_m + 1e-3 or abs(left_m) > ROUTE_REACH_M:
+            raise RunError(f"'{entity}' is not on route '{route.name}', to which a position of it refers")
+        return replace(pose, yaw_rad=way.pose(station_m)[2])
 
     def _is_that_of_the_road(self, road_id: str, lane_id: int, s_m: float) -> bool:
         """Whether the lane of a place on a route against s is meant as the road has it.

@@ -107,18 +107,22 @@ def _geographic(node: Node, context: Context) -> GeoPosition:
 def _on_route(node: Node, context: Context) -> RoutePosition:
     allow(RoutePosition, node)
     way = route(node.need("RouteRef"), context)
-    place = node.need("InRoutePosition").one_of("FromLaneCoordinates FromRoadCoordinates")
+    place = node.need("InRoutePosition").one_of("FromLaneCoordinates FromRoadCoordinates FromCurrentEntity")
     lane_id: int | None = None
-    if place.tag == "FromLaneCoordinates":
+    entity: str | None = None
+    path_s_m = offset_m = 0.0
+    if place.tag == "FromCurrentEntity":
+        place.allow("entityRef")
+        entity = context.entity(place)
+    elif place.tag == "FromLaneCoordinates":
         place.allow("pathS laneId laneOffset")
         lane_id, offset_m = place.integer("laneId"), place.number("laneOffset", 0.0)
         path_s_m = place.positive("pathS")
     else:
         place.allow("pathS t")
         path_s_m, offset_m = place.positive("pathS"), place.number("t")
-    return declared(
-        RoutePosition, node, context, route=way, path_s_m=path_s_m, lane_id=lane_id, offset_m=offset_m
-    )
+    given = {"path_s_m": path_s_m, "lane_id": lane_id, "offset_m": offset_m, "entity": entity}
+    return declared(RoutePosition, node, context, route=way, **given)
 
 
 def scoped(node: Node) -> Node:

@@ -12,6 +12,7 @@ import numpy as np
 from scenarios.openscenario import model
 from scenarios.openscenario.errors import RunError
 from scenarios.openscenario.motion.paths import Path, Pose
+from scenarios.openscenario.motion.positions import ROUTE_REACH_M
 from scenarios.openscenario.motion.profiles import Piece, SpeedProfile
 from scenarios.openscenario.motion.roads import Roads
 from scenarios.openscenario.motion.route_changes import LATERAL_MPS2, Leg
@@ -151,9 +152,6 @@ class FollowTrajectory(RunningAction[model.FollowTrajectoryAction]):
 
 SAME_WAY = math.cos(math.pi / 4)
 """Who heads further away from its route than 45 degrees does not go on along it."""
-
-ROUTE_REACH_M = 10.0
-"""An entity that is assigned a route has to be this near to it."""
 
 
 def go_on(actor: Actor, world: World, time_s: float) -> None:

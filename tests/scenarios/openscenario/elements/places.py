@@ -38,6 +38,13 @@ from tests.scenarios.openscenario.elements.row import (
 )
 
 ORIENTED = '<Orientation type="relative" h="0.5"/>'
+
+WEST = (
+    '<RouteRef><Route name="r" closed="false">'
+    + "".join(f'<Waypoint routeStrategy="shortest">{lane_position(s, 1)}</Waypoint>' for s in (290, 5))
+    + "</Route></RouteRef>"
+)
+
 POSITIONS = [
     Row(
         "Position/WorldPosition",
@@ -98,6 +105,16 @@ POSITIONS = [
             '<FromRoadCoordinates pathS="230" t="1"/></InRoutePosition></RoutePosition>'
         ),
         places={("Other", 1.0): (330, 1, 0, 0)},
+    ),
+    Row(
+        "InRoutePosition/FromCurrentEntity",
+        "where the ego is, along a route the other way: with its orientation of 0.1 on top",
+        put(
+            f"<RoutePosition>{WEST}<InRoutePosition>"
+            '<FromCurrentEntity entityRef="Ego"/></InRoutePosition>'
+            '<Orientation type="relative" h="0.1"/></RoutePosition>'
+        ),
+        places={("Other", 1.0): (10, -1.75, math.pi + 0.1, 0)},
     ),
     Row(
         "Position/TrajectoryPosition",
