@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.effects import OF_LIDAR, With, Without, is_typed, refuse_idle
 from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, results_folder
 from evaluation.cli.recorded import options as recorded
 
@@ -32,18 +33,15 @@ EXAMPLES = options.examples(
     "A comparison that was killed goes on where it was.",
 )
 
-OF_DRIVES = {
-    "sees": "--detections", "map_file": "--map", "sequence": "--sequence", "ego": "--ego",
-    "columns": "--columns", "frame_rate": "--frame-rate",
-}  # fmt: skip
-OF_SCENES = {
-    name: f"--{name.replace('_', '-')}"
-    for name in (
-        "weather", "scenes", "full", "maps", "seeds", "ablation", "growth", "logs", "sensor", "perception",
-        "street", "street_density", "street_seed",
-    )
-} | {"form": "--format"}  # fmt: skip
-"""Options of the one and of the other kind of comparison, by parameter."""
+_OF_SCENES = ("scenes", "full", "maps", *OF_LIDAR)
+"""Options of a comparison over scenes alone."""
+EFFECTS = (
+    With(("sees", "map_file", "sequence", "ego", "columns", "frame_rate"), ("drives",)),
+    Without((*_OF_SCENES, "weather", "seeds", "ablation", "growth", "form"), "drives"),
+    Without((*_OF_SCENES, "vary", "ablation", "logs", "fail_on", "junit"), "growth"),
+    Without(("vary",), "ablation"),
+    With(("maps",), ("full",)),
+)
 
 
 def command(
@@ -81,7 +79,10 @@ def command(
     ] = False,
     logs: Annotated[
         bool,
-        typer.Option("--logs", help="Also log a run per scene and side into OUT/runs*, for `report OUT`."),
+        typer.Option(
+            "--logs",
+            help="Also log a run per scene and side into OUT/runs*, for `report OUT`; of drives 300 at most.",
+        ),
     ] = False,
     sensor: options.SensorName = "truth",
     perception: options.PerceptionName = None,
@@ -128,21 +129,19 @@ def command(
     from evaluation.studies.growth import GrowthStudy, compare_growth
     from scenarios.scenes.scenes import scene_names
 
-    typed = _typed(context)
-    _refuse_misplaced(typed, drives is not None)
+    refuse_idle(context, EFFECTS)
     if drives is not None:
         reading = options.source_reading(columns, frame_rate)
         source = recorded.drive_source(drives, sequence, sees, map_file, ego, reading)
-        named = strategies if "strategies" in typed else None
-        drive_preset = preset if "preset" in typed else "real"
+        # the two kinds of comparison have defaults of their own
+        named = strategies if is_typed(context, "strategies") else None
+        drive_preset = preset if is_typed(context, "preset") else "real"
         who = parse_workers(workers, scheduler)
         gate = parse_gate("compare", fail_on, junit, lambda: DRIVE_MEASURES)
         out = results_folder(context, out)
-        sides = _compare_drives(source, named, vary or [], drive_preset, out, who, quiet)
+        sides = _compare_drives(source, named, vary or [], drive_preset, out, who, quiet, logs)
         gate.close(lambda: sides)
         return
-    if ablation + growth + bool(vary) > 1:
-        raise ArgumentError("--vary, --ablation and --growth exclude one another; give one of them")
     chosen = options.parse_strategies(strategies, "--strategies")
     preset = options.parse_preset(preset)
     conditions = options.parse_weather(weather)
@@ -150,14 +149,10 @@ def command(
     varied = options.parse_vary(vary or [])
     lidar = options.parse_lidar(sensor, perception, street, street_density, street_seed, varied)
     only = options.parse_names(scenes, scene_names(), "--scenes") if scenes is not None else ()
-    if growth and (only or full or logs or lidar or len(conditions) > 1):
-        raise ArgumentError("--growth: takes one --weather, and no --scenes, --full, --logs or --sensor")
-    if maps is not None and not full:
-        raise ArgumentError("--maps: only --full runs scenes on outer maps; add --full")
+    if growth and len(conditions) > 1:
+        raise ArgumentError("--weather: --growth takes one")
     if maps is not None and not maps.is_dir():
         raise ArgumentError(f"--maps: {maps} is no folder; give the one with the OpenDRIVE files")
-    if growth and fail_on:
-        raise ArgumentError("--fail-on: --growth measures times; there is nothing to fail on")
     gate = parse_gate("compare", fail_on, junit, lambda: MEASURES)
     who = parse_workers(workers, scheduler)
     out = results_folder(context, out)
@@ -183,28 +178,6 @@ def command(
     gate.close(lambda: sides_of_summaries(rows))
 
 
-def _typed(context: typer.Context) -> set[str]:
-    """Parameters that were typed: the two kinds of comparison have defaults of their own."""
-    sources = {name: context.get_parameter_source(name) for name in context.params}
-    return {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
-
-
-def _refuse_misplaced(typed: set[str], on_drives: bool) -> None:
-    """See that options go together.
-
-    Raises:
-        ArgumentError: one belongs to the other kind of comparison.
-    """
-    from evaluation.errors import ArgumentError
-
-    others, reason = (
-        (OF_SCENES, "not with --drives") if on_drives else (OF_DRIVES, "goes with --drives; add it")
-    )
-    for name, option in others.items():
-        if name in typed:
-            raise ArgumentError(f"{option}: {reason}")
-
-
 def _compare_drives(
     source: Source,
     strategies: str | None,
@@ -213,6 +186,7 @@ def _compare_drives(
     out: Path,
     workers: Workers,
     quiet: bool,
+    logs: bool,
 ) -> list[Side]:
     """Compare on recorded drives; what each side came to.
 
@@ -234,5 +208,5 @@ def _compare_drives(
         vary=varied,
     )
     with locked(writable_folder(out)):
-        compared = compare_drives(DriveComparison(asked), out, workers, quiet)
+        compared = compare_drives(DriveComparison(asked), out, workers, quiet, logs)
     return sides_of_drives(compared.totals)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.effects import Without, refuse_idle
 from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, results_folder, write_mcaps
 from scenarios.catalogue.maps import DEFAULT_MAP
 
@@ -19,6 +20,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval cpna --tracker my_tracker:MyTracker --strategy map,my_area:Corridor`",
     "`smartmot-eval cpna --strategy map --fail-on 'contacts>0,score<9' --junit cpna.xml`",
 )
+EFFECTS = (Without(("form",), "pictures"),)
 
 
 def command(
@@ -78,6 +80,7 @@ def command(
     from evaluation.studies.suite import compare_cpna
     from evaluation.views.traces.mcap import require_foxglove
 
+    refuse_idle(context, EFFECTS)
     form = options.parse_format(form)
     gate = parse_gate("cpna", fail_on, junit, lambda: RUN_MEASURES)
     suite = CpnaSuite(

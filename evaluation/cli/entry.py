@@ -27,6 +27,7 @@ from evaluation.cli import (
 from evaluation.cli.lidar import group as lidar
 from evaluation.cli.output import one_line
 from evaluation.cli.recorded import bag, drive, export
+from evaluation.results.calls import end as end_call
 
 MISTAKE = 2
 """Exit status after a mistake of the user."""
@@ -121,6 +122,8 @@ def main() -> None:
         if message:
             typer.echo(message, err=True)
         sys.exit(MISTAKE)
+    finally:
+        end_call()
 
 
 def _message_for_user(error: Exception) -> str | None:

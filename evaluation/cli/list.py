@@ -6,8 +6,17 @@ from typing import Annotated
 
 import typer
 
+from evaluation.cli.effects import Without, refuse_idle
+
+EFFECTS = (
+    Without(("scenario", "protocols", "perceptions"), "rules"),
+    Without(("scenario", "perceptions"), "protocols"),
+    Without(("scenario",), "perceptions"),
+)
+
 
 def command(
+    context: typer.Context,
     scenario: Annotated[
         str | None,
         typer.Argument(help="Only this one, with its parameters.", metavar="[FILE.xosc|NAME]"),
@@ -24,6 +33,7 @@ def command(
 
     Of the parameters: declared value with its unit, and what it is.
     """
+    refuse_idle(context, EFFECTS)
     from scenarios.catalogue.library import describe, describe_all
 
     if rules:

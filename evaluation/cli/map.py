@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.effects import With, Without, refuse_idle
 
 if TYPE_CHECKING:
     from opendrive import RoadNetwork
@@ -22,9 +23,19 @@ EXAMPLES = options.examples(
     "`smartmot-eval map town.xodr --check --strict --findings town.xqar`",
     "`smartmot-eval map folder_of_maps --check`",
 )
+EFFECTS = (
+    With(("strict", "findings"), ("check",)),
+    Without(("at", "strategy", "speed", "preset", "png", "export", "sites", "view"), "check"),
+    Without(("at", "strategy", "preset", "png", "export", "view"), "sites"),
+    With(("strategy",), ("at",)),
+    With(("strategy",), ("png", "view")),
+    With(("preset",), ("at", "view")),
+    With(("preset",), ("png", "view")),
+)
 
 
 def command(
+    context: typer.Context,
     file: Annotated[
         str,
         typer.Argument(
@@ -90,13 +101,12 @@ def command(
     from scenarios.spec import load_named_map
     from scenarios.strategies import STRATEGIES
 
+    refuse_idle(context, EFFECTS)
     strategy = options.parse_name(strategy, STRATEGIES, "--strategy")
     preset = options.parse_preset(preset)
     place = options.parse_place(at)
     if check:
         raise typer.Exit(_check(file, strict, findings, layer))
-    if findings is not None:
-        raise typer.BadParameter("goes with --check; add it", param_hint="--findings")
     network = load_named_map(file, layer)
     if sites:
         from evaluation.studies.map_description import describe_sites

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.effects import With, refuse_idle
 from evaluation.cli.output import parse_gate, results_folder
 from evaluation.errors import ArgumentError
 
@@ -35,6 +36,8 @@ EXAMPLES = options.examples(
     "`smartmot-eval mot my_csv_folder --detectors lidar=lidar.json,camera=camera.json`",
     "Formats: docs/formats.md. Metrics (pip install 'smartmot[metrics]') and files written: docs/mot.md.",
 )
+
+EFFECTS = (With(("frames",), ("gif", "video")),)
 
 MOST_LISTED = 6
 """Files that are named at the end."""
@@ -152,6 +155,7 @@ def command(
     from smartmot.tracking.configs import TRACKER_CONFIGS, tracker_config
     from smartmot.tracking.profile import is_profile
 
+    refuse_idle(context, EFFECTS)
     gate = parse_gate("mot", fail_on, junit, lambda: MOT_MEASURES)
     form = options.parse_name(form, FORMATS, "--format") if form else None
     if not is_profile(config):
@@ -160,6 +164,8 @@ def command(
     reading = options.source_reading(columns, frame_rate, topic, odometry, velocity_frame)
     profiles = parse_detectors(detectors)
     by_map = options.parse_name(area, ("none", "map"), "--filter") == "map"
+    if map_file is not None and not by_map and not forecast:
+        raise ArgumentError("--map: has no effect with --no-forecast; add --filter map")
     similarities = options.parse_names(similarity, SIMILARITIES, "--similarity")
     scale = options.parse_name(scores, SCALES, "--scores")
     best = options.parse_name(threshold, ("best", "none"), "--threshold") == "best"

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.effects import For, refuse_idle
 from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, results_folder, write_mcaps
 
 EXAMPLES = options.examples(
@@ -20,6 +21,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval ncap --protocol 2023 --sensor hdl64 --strategy map`",
     "`smartmot-eval ncap cpna --protocol r152 --strategy my_area:Corridor --fail-on 'score_percent<100'`",
 )
+EFFECTS = (For(("robustness",), "protocol", ("2026", "ancap")),)
 
 
 def command(
@@ -79,6 +81,7 @@ def command(
     from evaluation.studies.ncap.run import NCAP_MEASURES, run_grid
     from evaluation.views.traces.mcap import require_foxglove
 
+    refuse_idle(context, EFFECTS)
     gate = parse_gate("ncap", fail_on, junit, lambda: NCAP_MEASURES)
     name = protocol
     if not is_file(name):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -11,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from evaluation.cli.effects import is_typed
 
 if TYPE_CHECKING:
     from evaluation.results.gates import Rule, Side
@@ -33,8 +34,6 @@ def print_written(paths: Iterable[object], notes: Iterable[str], quiet: bool) ->
         typer.echo(path)
 
 
-CALL = ".smartmot-call"
-"""File in a default folder of results: the command, and the arguments that determine them."""
 _OF_OTHER_MATTERS = frozenset(
     {
         "out", "workers", "scheduler", "quiet", "pictures", "form", "logs", "mcap", "gif", "film", "video",
@@ -48,37 +47,74 @@ def results_folder(context: typer.Context, out: Path) -> Path:
     """The folder for the results of a command: the one asked for, or a default one of its own.
 
     Without `--out` a command never writes into a folder with results of another call: it takes the next that
-    is new, `results/run-2`. The same call goes into the same folder again.
+    is new, `results/run-2`. A folder that was asked for holds the results of its last call alone; see
+    `replace_results`. The same call goes into the same folder again.
 
     Args:
         context: of the command.
         out: value of `--out`.
     """
-    source = context.get_parameter_source("out")
-    if source is None or source.name != "DEFAULT":
-        return out
-    given = {name: str(value) for name, value in context.params.items() if name not in _OF_OTHER_MATTERS}
-    from evaluation.results.files import write_bytes
+    folder = out
+    if not is_typed(context, "out"):
+        call, number = _call(context), 1
+        while not _is_free(folder, call):
+            number += 1
+            folder = out.with_name(f"{out.name}-{number}")
+        if folder != out:
+            typer.echo(f"smartmot-eval: {out} holds results of another call; these go to {folder}", err=True)
+    return replace_results(context, folder)
 
-    call = json.dumps({"command": context.info_name, "arguments": given}, sort_keys=True, indent=1)
-    folder, number = out, 1
-    while not _is_free(folder, call):
-        number += 1
-        folder = out.with_name(f"{out.name}-{number}")
-    if folder != out:
-        typer.echo(f"smartmot-eval: {out} holds results of another call; these go to {folder}", err=True)
-    write_bytes(folder / CALL, call.encode())
+
+def replace_results(context: typer.Context, folder: Path) -> Path:
+    """Begin with the results of a call in a folder: files that another call has written are removed.
+
+    Its journal stays, from which finished runs are taken again, and so does what others have put there.
+
+    Args:
+        context: of the command.
+        folder: made if needed.
+
+    Raises:
+        ResultsError: another process writes into it, or it has results of a call that is not known.
+    """
+    from evaluation.results.calls import begin, call_of
+    from evaluation.results.files import RESULTS, ResultsError
+    from evaluation.runs.folder_lock import locked, writable_folder
+
+    with locked(writable_folder(folder)):
+        known = [name for name in RESULTS if (folder / name).exists()]
+        if known and call_of(folder) is None:
+            raise ResultsError(
+                f"{folder}: has {known[0]} of a call that is not known; remove it, or name another folder "
+                "(--out)"
+            )
+        try:
+            replaced = begin(folder, _call(context))
+        except OSError as error:
+            raise ResultsError(
+                f"{folder}: cannot be written ({error.strerror}); name another folder (--out)"
+            ) from None
+    if replaced:
+        typer.echo(f"smartmot-eval: results of another call in {folder} are replaced", err=True)
     return folder
+
+
+def _call(context: typer.Context) -> str:
+    """The command, and the arguments that determine its results."""
+    from evaluation.results.calls import call_text
+
+    given = {name: str(value) for name, value in context.params.items() if name not in _OF_OTHER_MATTERS}
+    return call_text(str(context.info_name), given)
 
 
 def _is_free(folder: Path, call: str) -> bool:
     """Whether a folder holds nothing yet, or results of the same call."""
+    from evaluation.results.calls import call_of
+
     if not folder.exists():
         return True
-    try:
-        return (folder / CALL).read_text(encoding="utf-8") == call
-    except (OSError, UnicodeDecodeError):
-        return folder.is_dir() and not any(folder.iterdir())
+    known = call_of(folder)
+    return folder.is_dir() and not any(folder.iterdir()) if known is None else known == call
 
 
 @contextmanager
@@ -124,11 +160,15 @@ def write_mcaps(out: Path, quiet: bool, workers: Workers = 1) -> None:
 
     On this machine, where the logs are.
     """
+    from evaluation.results.calls import note
     from evaluation.runs.workers import local_processes
     from evaluation.views.traces.folders import MCAP_FOLDER, write_run_mcaps
+    from evaluation.views.traces.mcap import SUFFIX
 
     with counting("writing MCAP", quiet) as done:
         notes = write_run_mcaps(out, local_processes(workers), done)
+    for file in (out / MCAP_FOLDER).glob(f"*{SUFFIX}"):  # written by other processes
+        note(file)
     print_written([out / MCAP_FOLDER], notes, quiet)
 
 

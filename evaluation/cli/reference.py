@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.effects import Without, refuse_idle
 from evaluation.cli.output import SchedulerAddress, parse_workers
 
 EXAMPLES = options.examples(
@@ -18,9 +19,14 @@ EXAMPLES = options.examples(
     "`smartmot-eval reference --only gain --tables`",
     "Started again after it was stopped, it goes on where it was.",
 )
+EFFECTS = (
+    Without(("tables", "workers", "scheduler"), "check"),
+    Without(("outside", "workers", "scheduler"), "tables"),
+)
 
 
 def command(
+    context: typer.Context,
     out: Annotated[Path, typer.Option(help="Folder of the reference results.")] = Path("reports"),
     only: Annotated[
         str | None,
@@ -61,11 +67,10 @@ def command(
         write_again,
     )
 
+    refuse_idle(context, EFFECTS)
     if outside is not None and not outside.is_dir():
         raise ArgumentError(f"--outside: {outside} is no folder; give the one with kitti and the others")
     names = [name.strip() for name in only.split(",")] if only else []
-    if check and tables:
-        raise ArgumentError("--check and --tables exclude one another; give one of them")
     if tables:
         with locked(writable_folder(out)):
             write_again(out, names, quiet)

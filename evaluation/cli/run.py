@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.effects import OF_LIDAR, With, Without, refuse_idle
 from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, results_folder, write_mcaps
 from evaluation.errors import ArgumentError
 
@@ -20,6 +21,20 @@ EXAMPLES = options.examples(
     "`smartmot-eval run my_test.xosc --fail-on 'contacts>0,criteria_failed>0' --junit run.xml`",
     "Names and parameters of the shipped scenarios: smartmot-eval list",
 )
+_OF_PERCEPTION = ("strategy", "tracker", "detector", "rule", *OF_LIDAR, "night")
+EFFECTS = (
+    With(("to_end", "as_markdown"), ("check",)),
+    Without(
+        (
+            *_OF_PERCEPTION, "param", "no_aeb", "preset", "weather", "hold_speed", "apply_performance",
+            "map_file", "phase_ms", "seed", "out", "pictures", "form", "workers", "scheduler", "mcap",
+            "fail_on", "junit",
+        ),
+        "check",
+    ),
+    Without(_OF_PERCEPTION, "no_aeb"),
+    Without(("form",), "pictures"),
+)  # fmt: skip
 
 
 def command(
@@ -102,11 +117,10 @@ def command(
     """Run an OpenSCENARIO file, or every variation that a file asks for."""
     from evaluation.results.gates import RUN_MEASURES, sides_of_runs
 
+    refuse_idle(context, EFFECTS)
     if road is not None and not road.exists():
         raise ArgumentError(f"--road: {road} does not exist")
     gate = parse_gate("run", fail_on, junit, lambda: RUN_MEASURES)
-    if check and gate.rules:
-        raise ArgumentError("--fail-on: --check scores nothing, and exits with 1 where a file is refused")
     if check:
         _check(scenario, road, to_end, as_markdown, quiet)
     if road is not None:

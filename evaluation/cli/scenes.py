@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import counting, print_written
+from evaluation.cli.output import counting, print_written, results_folder
 
 EXAMPLES = options.examples(
     "`smartmot-eval scenes --split test --count 300 --seed 0 --out results/scenes`",
@@ -19,6 +19,7 @@ EXAMPLES = options.examples(
 
 
 def command(
+    context: typer.Context,
     split: Annotated[str, typer.Option(help="train or test: their maps differ.")] = "test",
     count: Annotated[
         int, typer.Option(min=1, max=10_000, help="Scenes of each kind: must brake, must do nothing.")
@@ -34,12 +35,16 @@ def command(
     quiet: options.Quiet = False,
 ) -> None:
     """Draw scenes at random, each an OpenSCENARIO file that is proved without brakes."""
-    from evaluation.runs.folder_lock import writable_folder
+    from evaluation.results.calls import note
     from scenarios.drawn.draw import drawn_scenes
     from scenarios.drawn.manifest import MANIFEST, REJECTED, draw_notes
 
-    writable_folder(out)
+    out = results_folder(context, out)
     with counting("drawing", quiet) as done:
         drawn = drawn_scenes(split, count, seed, out, maps, done)
+    for file in (*(Path(scene.file) for scene in drawn), *(out / "maps").glob("*.xodr")):
+        note(file)
+    for name in (MANIFEST, REJECTED):
+        note(out / name)
     notes = draw_notes(out, len(drawn))
     print_written([out / MANIFEST, out / REJECTED], notes, quiet)

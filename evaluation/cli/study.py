@@ -9,14 +9,35 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers
+from evaluation.cli.effects import OF_LIDAR, For, refuse_idle
+from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, replace_results
 
 if TYPE_CHECKING:
     from evaluation.runs.workers import Workers
     from evaluation.studies.answers.study import Question, Sample
+    from evaluation.studies.worst.search import Searched
     from scenarios.settings import Settings
 
 QUESTIONS = ("gain", "break-even", "sensor", "trigger", "severity", "tune", "lidar", "worst")
+
+
+def _but(*left_out: str) -> tuple[str, ...]:
+    return tuple(name for name in QUESTIONS if name not in left_out)
+
+
+EFFECTS = (
+    For(("count",), "question", _but("worst")),
+    For(("preset",), "question", _but("sensor")),
+    For(("rule",), "question", _but("lidar")),
+    For(("strategies",), "question", _but("break-even", "lidar")),
+    For(("tuned",), "question", ("gain", "break-even", "trigger")),
+    For(("path_from",), "question", ("break-even",)),
+    For(("trials",), "question", ("tune",)),
+    For(("weights",), "question", ("severity",)),
+    For(OF_LIDAR, "question", _but("sensor", "lidar")),
+    For(("logs",), "question", _but("break-even", "severity", "worst")),
+    For(("family", "samples", "monte_carlo"), "question", ("worst",)),
+)
 
 EXAMPLES = options.examples(
     "`smartmot-eval study gain --preset physical,real --rule paper,rss`",
@@ -34,6 +55,7 @@ EXAMPLES = options.examples(
 
 
 def command(
+    context: typer.Context,
     question: Annotated[
         str,
         typer.Argument(
@@ -115,6 +137,13 @@ def command(
     maps: Annotated[
         Path | None, typer.Option(help="Folder with further OpenDRIVE maps to draw on.", metavar="DIR")
     ] = None,
+    logs: Annotated[
+        bool,
+        typer.Option(
+            "--logs",
+            help="Also log 300 runs at most, those that ended badly first, for `report OUT/QUESTION`.",
+        ),
+    ] = False,
     out: Annotated[Path, typer.Option(help="Folder of all questions.")] = Path("results/study"),
     form: Annotated[
         str, typer.Option("--format", help="Figures as png, svg or pdf; several, comma-separated.")
@@ -131,13 +160,14 @@ def command(
     from evaluation.studies.answers.command import ask
     from evaluation.studies.answers.results import STUDY_MEASURES, sides_of_results
     from evaluation.studies.answers.study import Sample
+    from evaluation.studies.worst.search import WORST_MEASURES, side_of_search
     from scenarios.presets import PRESETS
     from scenarios.settings import PARAMETERS
 
     question = options.parse_name(question, QUESTIONS, "QUESTION")
-    if question == "worst" and fail_on is not None:
-        raise ArgumentError("--fail-on: worst searches one case and scores no sides; it has no gate")
-    gate = parse_gate("study", fail_on, junit, lambda: STUDY_MEASURES)
+    refuse_idle(context, EFFECTS)
+    measures = WORST_MEASURES if question == "worst" else STUDY_MEASURES
+    gate = parse_gate("study", fail_on, junit, lambda: measures)
     if maps is not None and not maps.is_dir():
         raise ArgumentError(f"--maps: {maps} is no folder; give the one with the OpenDRIVE files")
     split = options.parse_name(
@@ -149,21 +179,14 @@ def command(
     presets = options.parse_names(preset or usual, tuple(PRESETS), "--preset")
     formats = options.parse_names(form, options.PICTURE_FORMATS, "--format")
     path_from = options.parse_name(path_from, PARAMETERS["path_from"].choices, "--path-from")
-    if weights is not None and question != "severity":
-        raise ArgumentError(f"--weights: {question} takes none; give them to severity")
-    if path_from != "planner" and question != "break-even":
-        raise ArgumentError(f"--path-from: {question} takes none; give it to break-even")
     rules = _rules(question, rule)
     lidar = options.parse_lidar(sensor, perception, street, street_density, street_seed)
-    if lidar and question in ("sensor", "lidar"):
-        raise ArgumentError(f"--sensor: the question {question} has its own; choose another")
     who = parse_workers(workers, scheduler)
     if question == "worst":
-        if tuned is not None:
-            raise ArgumentError("--tuned: worst takes none; it runs what --strategies names as it is")
         if scheduler is not None and maps is not None:
             raise ArgumentError("--maps: a folder of maps does not travel with worst; leave --scheduler out")
-        _worst(
+        searched = _worst(
+            context,
             sample,
             family,
             samples,
@@ -177,21 +200,21 @@ def command(
             who,
             quiet,
         )
+        gate.close(lambda: [side_of_search(searched)])
         return
-    for given, name in ((family, "--family"), (monte_carlo, "--monte-carlo")):
-        if given:
-            raise ArgumentError(f"{name}: {question} takes none; give it to worst")
     if question == "severity":
-        asked = _severity(sample, formats, presets, rules, strategies, tuned, weights)
+        asked = _severity(sample, formats, presets, rules, strategies, weights)
     else:
         asked = _question(question, sample, formats, presets, rules, strategies, tuned, trials, path_from)
     asked = replace(asked, common=lidar)
     with locked(writable_folder(out)):
-        results = ask(asked, out, who, quiet)
+        replace_results(context, out / asked.name)
+        results = ask(asked, out, who, quiet, logs)
     gate.close(lambda: sides_of_results(results))
 
 
 def _worst(
+    context: typer.Context,
     sample: Sample,
     family: str,
     samples: int,
@@ -204,13 +227,13 @@ def _worst(
     formats: tuple[str, ...],
     workers: Workers,
     quiet: bool,
-) -> None:
+) -> Searched:
     """The search for the case that just fails."""
     from evaluation.errors import ArgumentError
     from evaluation.runs.folder_lock import locked, writable_folder
     from evaluation.studies.answers.rivals import ADAPTIVE, MAP, RIVALS, Rival
     from evaluation.studies.worst.family import FAMILIES, Family
-    from evaluation.studies.worst.search import ask
+    from evaluation.studies.worst.search import ask, folder_of
 
     if not family:
         raise ArgumentError(f"--family: worst needs one of {', '.join(FAMILIES)}")
@@ -224,9 +247,11 @@ def _worst(
     arm.having(*lidar).check()
     if arm.plugins:
         arm.try_out()
+    searched = Family(family, arm, sample.split, sample.maps, lidar)
     with locked(writable_folder(out)):
-        ask(
-            Family(family, arm, sample.split, sample.maps, lidar),
+        replace_results(context, folder_of(searched, out))
+        return ask(
+            searched,
             out,
             samples=samples,
             seed=sample.seed,
@@ -255,7 +280,6 @@ def _severity(
     presets: tuple[str, ...],
     rules: tuple[str, ...],
     strategies: str,
-    tuned: Path | None,
     weights: str | None,
 ) -> Question:
     """What false activations cost, as it was typed.
@@ -269,8 +293,6 @@ def _severity(
 
     if len(presets) > 1:
         raise ArgumentError("--preset: severity takes one; give gain several")
-    if tuned is not None:
-        raise ArgumentError("--tuned: severity takes none")
     asked = Severity(sample, formats, preset=presets[0], rules=rules)
     if strategies:
         shipped = {rival.name: rival for rival in (*RIVALS, ADAPTIVE) if not rival.is_as_published}
@@ -310,15 +332,9 @@ def _question(
         raise ArgumentError(f"--preset: {name} takes one; give gain several")
     if len(rules) > 1 and name in ("break-even", "sensor"):
         raise ArgumentError(f"--rule: {name} takes one")
-    if tuned is not None and name in ("sensor", "tune"):
-        raise ArgumentError(f"--tuned: {name} takes none")
-    if strategies and name == "break-even":
-        raise ArgumentError("--strategies: break-even compares the map filter with the planned path")
     chosen_settings = read_tuned(tuned, sample) if tuned is not None else ()
     shipped = {rival.name: rival for rival in (*RIVALS, ADAPTIVE)}
     if name == "lidar":
-        if tuned is not None or strategies or rules != ("paper",):
-            raise ArgumentError("lidar: takes no --tuned, --strategies and --rule; it has its own")
         return LidarGain(sample, formats, preset=presets[0])
     if name in ("sensor", "trigger"):
         default = MAP.name if name == "sensor" else PATH.name

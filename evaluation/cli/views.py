@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.effects import is_typed
 from evaluation.cli.output import counting, parse_gate, print_written, results_folder
 
 PLOT_EXAMPLES = options.examples(
@@ -47,8 +48,10 @@ def plot(
     quiet: options.Quiet = False,
 ) -> None:
     """Draw the pictures of a folder of results again, for any of its runs."""
+    from evaluation.results.calls import go_on
     from evaluation.studies.drive.folder import is_drive_folder
 
+    go_on(directory)
     if is_drive_folder(directory):
         from evaluation.studies.drive.views import draw_drive
 
@@ -70,11 +73,13 @@ def report(
     quiet: options.Quiet = False,
 ) -> None:
     """Write a folder of results as one HTML page: findings, scores, diagrams, a replay of every run."""
+    from evaluation.results.calls import go_on
     from evaluation.studies.comparison_page.page import is_comparison_folder, write_comparison_page
     from evaluation.studies.drive.folder import is_drive_folder
     from evaluation.studies.drive.page import write_drive_page
     from evaluation.views.page.page import write_page
 
+    go_on(directory)
     with counting("reading runs", quiet) as done:
         if is_drive_folder(directory):
             page, notes = write_drive_page(directory, out, done)
@@ -86,6 +91,7 @@ def report(
 
 
 def replay(
+    context: typer.Context,
     run: Annotated[Path, typer.Argument(help="DIR/NAME of a run, or the path of its log.", metavar="RUN")],
     gif: Annotated[
         Path | None,
@@ -112,6 +118,8 @@ def replay(
     quiet: options.Quiet = False,
 ) -> None:
     """Film a run from above, with what happens in words, or write it as a file of other tools."""
+    from evaluation.errors import ArgumentError
+    from evaluation.results.calls import go_on
     from evaluation.runs.recordings import split_run
     from evaluation.studies.drive.folder import is_drive_folder, read_drive_folder
     from evaluation.studies.drive.views import replay_drive
@@ -120,7 +128,11 @@ def replay(
     from evaluation.views.traces.mcap import require_foxglove, write_mcap
     from evaluation.views.traces.osi import require_osi, write_osi
 
+    for name in ("fps", "speed"):
+        if is_typed(context, name) and (mcap or osi) and not (gif or mp4):
+            raise ArgumentError(f"--{name}: has no effect without a film; add --gif or --mp4")
     directory, name = split_run(run)
+    go_on(directory)
     of_drive = is_drive_folder(directory)
     written: list[Path] = []
     notes: tuple[str, ...] = ()

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from evaluation.results.calls import note
+
 RUNS_CSV = "runs.csv"
 RUNS_JSON = "runs.json"
 SCHEMA = 2
@@ -22,6 +24,11 @@ DRIVES_CSV = "drives.csv"
 """In place of `RUNS_CSV` in a folder of recorded drives."""
 COMPARE_JSON = "compare.json"
 """In place of `RUNS_JSON` in a folder of a comparison."""
+STUDY_JSON = "study.json"
+"""In place of `RUNS_JSON` in a folder of a question."""
+METRICS_CSV = "metrics.csv"
+RESULTS = (RUNS_CSV, RUNS_JSON, DRIVES_CSV, COMPARE_JSON, STUDY_JSON, METRICS_CSV)
+"""Files by which a folder of results is known."""
 LOGS_FOLDER = "logs"
 
 
@@ -82,6 +89,7 @@ def write_whole(path: Path, content: bytes) -> None:
         OSError: it cannot be written; what was there before is as it was.
     """
     _require_name(path)
+    note(path)
     part = path.with_name(f".{path.name}.part")
     try:
         part.write_bytes(content)

@@ -234,7 +234,7 @@ def _require_values(runs: pd.DataFrame, names: Sequence[str]) -> None:
         column = runs[name]
         if "None" not in kinds[name] and column.isna().any():
             raise ValueError(f"column {name!r}: a value is missing")
-        if kinds[name].startswith(("float", "int")) and (column.abs() > GREATEST).any():
+        if name != "seed" and kinds[name].startswith(("float", "int")) and (column.abs() > GREATEST).any():
             raise ValueError(f"column {name!r}: a value is beyond {GREATEST:g}")
     reasons = set(runs["end_reason"]) if "end_reason" in names else set()
     unknown = reasons - {reason.value for reason in EndReason}

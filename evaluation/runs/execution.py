@@ -13,7 +13,7 @@ from evaluation.results.rows import RunRow
 from opendrive import OpenDriveError
 from scenarios.errors import ScenarioError
 from scenarios.openscenario.running.driving.criteria import Criterion
-from scenarios.simulation.ends import CUT_OFF, EndReason
+from scenarios.simulation.ends import CUT_OFF, THROUGH, EndReason, StopRule
 from scenarios.simulation.outcome import Outcome
 from scenarios.spec import RunSpec, simulation_of
 from smartmot.errors import SmartMotError
@@ -70,19 +70,25 @@ class RunRecord:
     criteria: tuple[Criterion, ...] = ()
 
 
-def execute(spec: RunSpec, keep_log: bool = True) -> RunRecord:
+def execute(spec: RunSpec, keep_log: bool = True, through: bool = False) -> RunRecord:
     """Carry out one run; see `simulation_of` for what it raises.
+
+    Args:
+        spec: what to run.
+        keep_log: whether the record has its log.
+        through: whether a scene in which nothing should happen goes on to its own end, as in comparisons.
 
     Raises:
         smartmot.errors.PluginError: also whenever an object of the user's own fails.
     """
-    return record_of(spec, outcome_of(spec), keep_log)
+    rule = THROUGH if through and spec.must == "nothing" else None
+    return record_of(spec, outcome_of(spec, rule), keep_log)
 
 
-def outcome_of(spec: RunSpec) -> Outcome:
+def outcome_of(spec: RunSpec, rule: StopRule | None = None) -> Outcome:
     """What a run comes to; see `execute`."""
     try:
-        return simulation_of(spec).run()
+        return simulation_of(spec, rule).run()
     except (SmartMotError, ScenarioError, OpenDriveError):
         raise
     except (Exception, SystemExit) as error:

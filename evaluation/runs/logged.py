@@ -20,6 +20,7 @@ def logged_runs(
     workers: Workers,
     done: Callable[[], object] = lambda: None,
     keep_logs: bool = True,
+    through: bool = False,
 ) -> Iterator[RunRecord]:
     """Carry out runs, and write the log of each; the records come in the order of the runs, without logs.
 
@@ -29,12 +30,13 @@ def logged_runs(
         workers: processes, or a scheduler.
         done: called after each run.
         keep_logs: whether logs are written at all.
+        through: see `evaluation.runs.execution.execute`.
 
     Raises:
         ResultsError: the folder cannot be written.
     """
     first = True
-    for record in execute_all(partial(execute, keep_log=keep_logs), specs, workers):
+    for record in execute_all(partial(execute, keep_log=keep_logs, through=through), specs, workers):
         if record.log is not None:
             if first:
                 discard_tables(folder)

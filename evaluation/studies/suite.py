@@ -115,12 +115,15 @@ def compare_files(
     workers: Workers = 1,
     quiet: bool = False,
     console: rich.console.Console | None = None,
+    through: bool = False,
 ) -> Judged:
-    """Run scenario files; see `compare_cpna`."""
+    """Run scenario files; see `compare_cpna`, and `evaluation.runs.execution.execute` for `through`."""
     console = console or rich.console.Console(quiet=quiet)
     notes = perception_notes(specs)
     configuration = configuration_of(specs, out, notes)
-    judged = _compare(specs, configuration, out, pictures, workers, console, title=_title(specs))
+    judged = _compare(
+        specs, configuration, out, pictures, workers, console, title=_title(specs), through=through
+    )
     silent = sum(row.avoided and row.flag_time_s is None for row, _ in judged)
     if silent and specs[0].adapts and specs[0].strategy != NO_AEB:
         notes.append(
@@ -148,6 +151,7 @@ def _compare(
     console: rich.console.Console,
     title: str,
     published: Mapping[str, Published] | None = None,
+    through: bool = False,
 ) -> Judged:
     """Run, write, show; every run with the pass criteria of its file."""
     if len({spec.log for spec in specs}) < len(specs):
@@ -155,7 +159,7 @@ def _compare(
     with progress_bar(console) as progress:
         task = progress.add_task("running", total=len(specs))
         known = conflicts(specs, workers)
-        records = list(logged_runs(specs, out, workers, lambda: progress.advance(task)))
+        records = list(logged_runs(specs, out, workers, lambda: progress.advance(task), through=through))
         rows = [scored(record.row, known[unbraked(record.spec)]) for record in records]
         runs, table = _write_tables(out, rows, configuration, published)
     console.print(rich_table(table, title))

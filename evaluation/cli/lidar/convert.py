@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.effects import is_typed
 from evaluation.cli.output import one_line
 from evaluation.errors import ArgumentError
 
@@ -27,6 +28,7 @@ EXAMPLES = options.examples(
 
 
 def command(
+    context: typer.Context,
     source: Annotated[
         Path,
         typer.Argument(help="File (.bin, .pcd.bin, .pcd, .npz), folder, or bag.", metavar="FROM"),
@@ -61,6 +63,8 @@ def command(
     if not form and not own_form:
         raise ArgumentError(f"--to: needed for the folder {target}: {', '.join((*FORMATS, 'bag'))}")
     kind = own_form or form or ""
+    if kind != "pcd" and is_typed(context, "encoding"):
+        raise ArgumentError(f"--encoding: has no effect with {kind}; it is for pcd")
     if source.exists() and target.exists() and source.resolve() == target.resolve():
         raise ArgumentError(f"{target}: is what is read; name another one")
     account = _Account()

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import counting, one_line, results_folder
+from evaluation.cli.effects import With, refuse_idle
+from evaluation.cli.output import counting, one_line, parse_gate, results_folder
 from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
     import rich.console
 
+    from evaluation.metrics.mot import MotScore
     from evaluation.studies.lidar.detect import Account
     from smartmot.lidar import DetectorConfig
 
@@ -47,6 +49,8 @@ Ahead = Annotated[
 ]
 Topic = Annotated[str | None, typer.Option(help="Topic of the clouds in a bag. Default: the only one.")]
 
+EFFECTS = (With(("labels",), ("track",)), With(("fail_on", "junit"), ("labels",)))
+
 
 def command(
     context: typer.Context,
@@ -78,6 +82,8 @@ def command(
     ] = None,
     ahead: Ahead = None,
     topic: Topic = None,
+    fail_on: options.FailOn = None,
+    junit: options.Junit = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Detect cars, pedestrians and cyclists in point clouds."""
@@ -96,11 +102,14 @@ def command(
         stage_table,
         write_labels,
     )
+    from evaluation.studies.mot.tables import MOT_MEASURES, sides_of_scores
     from evaluation.views.clouds import write_stages
     from smartmot.lidar import LearnedConfig
 
-    if labels is not None and (calib is None or not track):
-        raise ArgumentError("--labels: needs --track and --calib, which says where the camera is")
+    refuse_idle(context, EFFECTS)
+    gate = parse_gate("lidar detect", fail_on, junit, lambda: MOT_MEASURES)
+    if labels is not None and calib is None:
+        raise ArgumentError("--labels: needs --calib, which says where the camera is")
     ahead = parse_ahead(ahead)
     config = parse_method(method, score_min)
     calibrations = None if calib is None else Calibrations(calib)
@@ -139,9 +148,9 @@ def command(
                 highlight=False,
                 soft_wrap=True,
             )
-        if track:
-            _track(out, console)
+        scores = _track(out, console) if track else []
         console.print(f"written to {out}", highlight=False, soft_wrap=True, markup=False)
+    gate.close(lambda: sides_of_scores(scores))
 
 
 def parse_ahead(ahead: str | None) -> str | None:
@@ -185,7 +194,7 @@ def _print_notes(account: Account) -> None:
         typer.echo(f"smartmot-eval: {one_line(line)}", err=True)
 
 
-def _track(out: Path, console: rich.console.Console) -> None:
+def _track(out: Path, console: rich.console.Console) -> list[MotScore]:
     """Track what has been written, as `mot` does with its default configuration."""
     from evaluation.progress import study_progress
     from evaluation.studies.mot import run
@@ -200,3 +209,4 @@ def _track(out: Path, console: rich.console.Console) -> None:
     console.print(summary(study.data, result.tracked), highlight=False, soft_wrap=True)
     if result.scores:
         console.print(score_table(result.scores, "distance"), "")
+    return result.scores

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import one_line, parse_gate
+from evaluation.cli.effects import For, refuse_idle
+from evaluation.cli.output import one_line, parse_gate, replace_results
 from evaluation.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -24,7 +25,11 @@ EXAMPLES = options.examples(
 )
 
 
+EFFECTS = (For(("iou",), "protocol", ("kitti", "thesis")),)
+
+
 def command(
+    context: typer.Context,
     labels: Annotated[
         Path, typer.Argument(help="KITTI labels: file or folder, by frame or sequence.", metavar="LABELS")
     ],
@@ -78,8 +83,11 @@ def command(
         clouds,
         calib,
     )
-    if iou is not None and asked.protocol == "nuscenes":
-        raise ArgumentError("--iou: nuScenes matches by distance; leave it out")
+    refuse_idle(context, EFFECTS)
+    if "points" not in asked.by:
+        for name, value in (("--clouds", clouds), ("--calib", calib)):
+            if value is not None:
+                raise ArgumentError(f"{name}: has no effect without --by points; add it")
     scores = score_files(labels, detections, asked)
     of_all = scores.tables[0][1]
     gate = parse_gate("lidar score", fail_on, junit, lambda: measures_of_table(of_all))
@@ -89,6 +97,7 @@ def command(
     for title, table in scores.tables:
         console.print(rich_table(table, title, texts=2 if table.header[1] in ("view", *GROUPINGS) else 1), "")
     if out is not None:
+        replace_results(context, out)
         _write(out, scores, asked.protocol, asked.by)
         console.print(f"written to {out}", highlight=False, soft_wrap=True, markup=False)
     gate.close(lambda: sides_of_table(of_all, texts=3 if asked.protocol == "kitti" else 1))

@@ -9,6 +9,7 @@ import typer
 
 import _smartmot
 from evaluation.cli import options
+from evaluation.cli.effects import With, Without, refuse_idle
 from evaluation.cli.lidar.detect import NETWORK_ENDING
 from evaluation.cli.output import counting, one_line
 from evaluation.errors import ArgumentError
@@ -31,7 +32,11 @@ Data = Annotated[
 ]
 
 
+EFFECTS = (Without(("minutes",), "steps"),)
+
+
 def command(
+    context: typer.Context,
     data: Data,
     minutes: Annotated[float, typer.Option(help="Wall time of the training.", min=0.01)] = 20.0,
     steps: Annotated[
@@ -49,6 +54,7 @@ def command(
     quiet: options.Quiet = False,
 ) -> None:
     """Train a pillar network on this machine's processor."""
+    refuse_idle(context, EFFECTS)
     require_torch()
     import rich.console
 
@@ -91,7 +97,11 @@ def command(
         )
 
 
+EXPORT_EFFECTS = (With(("data", "calibrate"), ("int8",)),)
+
+
 def export_command(
+    context: typer.Context,
     network: Annotated[
         Path,
         typer.Argument(help="Folder of a training, FILE.onnx, or pillars.", metavar="DIR|FILE.onnx|NAME"),
@@ -116,9 +126,7 @@ def export_command(
     from evaluation.studies.training import CALIBRATION_CLOUDS, NETWORK
     from smartmot.lidar.learned import SHIPPED, LearnedConfig, shipped_path
 
-    for name, value in (("--data", data), ("--calibrate", calibrate)):
-        if value is not None and not int8:
-            raise ArgumentError(f"{name} is for --int8")
+    refuse_idle(context, EXPORT_EFFECTS)
     source = shipped_path(str(network)) if str(network) in SHIPPED else network
     if source.suffix != NETWORK_ENDING:
         source /= NETWORK

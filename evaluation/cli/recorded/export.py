@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.effects import For, is_typed, refuse_idle
 from evaluation.cli.output import counting, print_written
 from evaluation.cli.recorded.options import parse_vehicle
 from evaluation.errors import ArgumentError
@@ -25,11 +26,17 @@ EXAMPLES = options.examples(
 )
 
 OPENSCENARIO = "openscenario"
+DATA_SETS = ("kitti", "nuscenes", "simbev")
+EFFECTS = (
+    For(("map_file", "ego"), "form", (OPENSCENARIO,)),
+    For(("seed", "sensor", "street", "street_density", "street_seed", "min_points"), "form", DATA_SETS),
+)
 NO_LIDAR = "none"
 """As `--sensor`: labels and poses alone."""
 
 
 def command(
+    context: typer.Context,
     source: Annotated[
         Path,
         typer.Argument(
@@ -105,6 +112,9 @@ def command(
     from evaluation.studies.mot.openscenario import write_scenario
 
     form = options.parse_name(form, (*LAYOUTS, OPENSCENARIO), "--format")
+    refuse_idle(context, EFFECTS)
+    if is_typed(context, "sequence") and source.exists() and is_runs(source):
+        raise ArgumentError("--sequence: for recorded drives; of runs name a single one, DIR/NAME")
     reading = options.source_reading(columns, frame_rate, topic, odometry, velocity_frame)
     typed = {
         "--sensor": sensor,
@@ -115,16 +125,12 @@ def command(
     }
     of_lidar = [name for name, value in typed.items() if value is not None]
     if form != OPENSCENARIO:
-        if map_file is not None or ego is not None:
-            raise ArgumentError(f"--map and --ego: for --format openscenario, not for {form}")
         if of_lidar and source.exists() and not is_runs(source):
             raise ArgumentError(f"{of_lidar[0]}: for runs; no LiDAR is cast along a recorded drive")
         lidar = parse_choice(sensor, street, street_density, street_seed, min_points)
         with counting("casting", quiet) as done:
             written, notes = write_layout(source, form, out, seed, sequence, reading, lidar, done)
     else:
-        if of_lidar:
-            raise ArgumentError(f"{of_lidar[0]}: for data sets, not for {form}")
         vehicle = None if ego is None else parse_vehicle(ego)
         written, notes = write_scenario(source, out, map_file, sequence, reading, vehicle)
     print_written([written], notes, quiet)

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from evaluation.results.files import SCHEMA, json_bytes, write_bytes, write_files
+from evaluation.results.files import SCHEMA, STUDY_JSON, json_bytes, write_bytes, write_files
 from evaluation.results.tables import Table, csv_bytes, markdown_table
 from evaluation.runs.configuration import versions
 from evaluation.runs.execution import FrameTime
@@ -247,7 +247,7 @@ class Question(Study[ArmRun, Decision]):
         contents = {
             "answer.md": answer.markdown(notes, *self.formats[:1]),
             self.table: gzip.compress(runs_csv(results, self.kind), mtime=0),
-            "study.json": json_bytes(self._configuration(results.scenes) | dict(made_by), indent=1),
+            STUDY_JSON: json_bytes(self._configuration(results.scenes) | dict(made_by), indent=1),
             **answer.files,
         }
         paths = write_files(folder, contents)

@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import rich.console
 
 from evaluation.errors import ArgumentError
-from evaluation.metrics.criticality import criticality, criticality_csv
-from evaluation.results.files import log_path, write_bytes
-from evaluation.results.logs import read_log
 from evaluation.results.tables import rich_table
-from evaluation.runs.folder_lock import writable_folder
 from evaluation.runs.workers import Workers
 from evaluation.studies.compare.grid import Point, shown_settings, study_runs
 from evaluation.studies.compare.study import SceneStudy, compared
 from evaluation.studies.compare.table import Summary, short_table
 from evaluation.studies.compare.valid_scenes import told_invalid_scenes, valid_scenes
+from evaluation.studies.logged import LOGGED, folder_name, log_runs
 from evaluation.studies.study import done_line
-from evaluation.studies.suite import compare_files
 from scenarios.scenes.scenes import SceneRun, left_out
-from scenarios.spec import definition_of, preset_of
-
-LOGGED = "runs"
-"""Folder of logged runs, and beginning of the names of those of further settings."""
-_LONGEST_SLUG = 80
+from scenarios.spec import RunSpec
 
 
 def compare(
@@ -71,43 +62,24 @@ def compare(
         console.print(line, highlight=False)
     console.print(done_line(len(items), before, out, [path.name for path in written]), highlight=False)
     if logs:
-        folder = log_runs(study, scenes, out, workers)
+        log_runs(logged_groups(study, scenes), out, workers)
         console.print(
-            f"logs: {folder}*; smartmot-eval report {out} makes a page with replays", highlight=False
+            f"logs: {out / LOGGED}*; smartmot-eval report {out} makes a page with replays", highlight=False
         )
     for line in [*invalid, *left_out(study.scenes, full=study.full, maps=study.maps)]:
         console.print(line, highlight=False, soft_wrap=True)
     return result.rows
 
 
-def log_runs(study: SceneStudy, scenes: Sequence[SceneRun], out: Path, workers: Workers = 1) -> Path:
-    """Carry the scenes out once more, with the first seed, and keep the logs.
-
-    Each strategy as the preset has it is in `runs`; other settings are in folders of their own beside it.
-    They are folders of runs, as `report` and `replay` want them, with the criticality of each run over time
-    in `criticality/`.
-
-    Returns:
-        The first of them.
-
-    Raises:
-        ResultsError: a folder cannot be written.
-    """
+def logged_groups(study: SceneStudy, scenes: Sequence[SceneRun]) -> dict[str, list[RunSpec]]:
+    """The runs of the first seed by folder: strategies as the preset has them in `runs`, others beside it."""
     by_settings: dict[str, list[Point]] = {"": [Point(strategy) for strategy in study.strategies]}
     for point in study.points:
         if point.settings:
             by_settings.setdefault(point.text, []).append(point)
-    for k, (text, points) in enumerate(by_settings.items()):
-        items = study_runs(points, scenes, study.preset, study.weather, 1, study.common)
-        slug = re.sub(r"[^\w.=+-]+", "-", shown_settings(text))[:_LONGEST_SLUG]
-        folder = out / (f"{LOGGED}_{k}_{slug}" if text else LOGGED)
-        specs = [item.spec for item in items]
-        compare_files(specs, folder, None, workers, quiet=True)
-        critical = writable_folder(folder / "criticality")
-        for spec in specs:
-            log = read_log(log_path(folder, spec.log))
-            columns = {str(name): log[name].to_numpy() for name in log.columns}
-            brakes = preset_of(spec, definition_of(spec)).brakes
-            content = criticality_csv(criticality(columns, brakes.max_decel_mps2))
-            write_bytes(critical / f"{spec.log}.csv", content)
-    return out / LOGGED
+    return {
+        folder_name(k, shown_settings(text)): [
+            item.spec for item in study_runs(points, scenes, study.preset, study.weather, 1, study.common)
+        ]
+        for k, (text, points) in enumerate(by_settings.items())
+    }

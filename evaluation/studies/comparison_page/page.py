@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
-from evaluation.results.files import RUNS_JSON, ResultsError, check_writable, one_line, write_whole
+from evaluation.results.files import (
+    RUNS_JSON,
+    STUDY_JSON,
+    ResultsError,
+    check_writable,
+    one_line,
+    write_whole,
+)
 from evaluation.results.tables import Table
 from evaluation.runs.configuration import read_configuration
-from evaluation.runs.folder import RunFolder, read_folder
-from evaluation.studies.compare.command import LOGGED
+from evaluation.runs.folder import Run, RunFolder, read_folder
 from evaluation.studies.comparison_page import sides as read
-from evaluation.studies.comparison_page.sides import GOOD, Axis, Ended, Side
+from evaluation.studies.comparison_page.sides import Axis, Ended, Side
 from evaluation.studies.comparison_page.words import Words, read_words
 from evaluation.studies.diff.results import COMPARE_JSON
+from evaluation.studies.drive.folder import is_drive_folder, read_drive_folder
+from evaluation.studies.drive.page import replays_of_drives
+from evaluation.studies.logged import GOOD, LOGGED, most_telling
 from evaluation.views.page.comparison import Chart, Comparison, Picture, PointView, RunLine, chart, picture
 from evaluation.views.page.page import (
     PAGE_NAME,
@@ -33,17 +43,14 @@ from evaluation.views.plots.strategies import strategy_looks
 from scenarios.reading import ReadError, read_json
 from scenarios.settings import setting_text
 
-STUDY_JSON = "study.json"
-MOST_REPLAYS = 300
-"""In a page, which then has about 10 MB; those of runs that went wrong come first."""
 MOST_LINES = 60
 """Scenes that a point names."""
 _FIGURES = ("frontier*", "ablation*")
 
-Settings = frozenset[str]
-"""As `name=value`."""
-Key = tuple[str, str, Settings, str]
-"""Weather, strategy, settings and scene of a logged run."""
+Kept = TypeVar("Kept")
+Logs = Mapping[Hashable, Shown]
+"""Logged runs, by what sides know them by."""
+WITHOUT_LOGS = "Without logs there are no replays behind the points; {} --logs keeps them."
 
 
 def is_comparison_folder(directory: Path) -> bool:
@@ -80,31 +87,43 @@ def comparison_content(
     is_study = (directory / STUDY_JSON).is_file()
     configuration = _configuration(directory / (STUDY_JSON if is_study else COMPARE_JSON))
     on_drives = not is_study and "scenes" not in configuration
-    logs: dict[Key, Shown] = {}
+    logs: Logs = {}
     notes: list[str] = []
+    folders = sorted(path.parent for path in directory.glob(f"{LOGGED}*/{RUNS_JSON}"))
     if is_study:
         words, sides = read_words(directory / "answer.md", "Results"), read.sides_of_study(directory)
         axes = [(read.STUDY_STOPS, read.AVOIDED)]
-        notes.append("A study keeps no logs: there are no replays behind its points.")
+        logs, missing = logs_of_study(folders, allow_plugins)
+        notes += missing or ([] if folders else [WITHOUT_LOGS.format("study")])
     elif on_drives:
         words, sides = (
             read_words(directory / "table.md", "Requests and exposure"),
             read.sides_of_drives(directory),
         )
         axes = [(read.FALSE_PER_KM, read.REQUESTS)]
-        notes.append(
-            "A comparison on drives keeps no logs; smartmot-eval drive makes them, and its page has replays."
-        )
+        if not is_drive_folder(directory / LOGGED):
+            notes.append(WITHOUT_LOGS.format("compare --drives"))
     else:
         words, sides = read_words(directory / "table.md", "Summary"), read.sides_of_scenes(directory)
         axes = [(read.FALSE, read.AVOIDED), (read.STOPS, read.AVOIDED)]
-        logs, missing = _logged(directory, configuration, allow_plugins)
-        notes += missing
-    chosen, left_out = _chosen(sides, logs)
+        logs, missing = logs_of_scenes(folders, configuration, allow_plugins)
+        notes += missing or ([] if folders else [WITHOUT_LOGS.format("compare")])
+    if on_drives and is_drive_folder(directory / LOGGED):
+        drives = read_drive_folder(directory / LOGGED)
+        notes += drives.notes
+        by_key: dict[Hashable, str] = {
+            tuple(row[name] for name in read.OF_DRIVE): row["log"] for row in drives.drives
+        }
+        chosen, left_out = _chosen(sides, by_key)
+        replays = replays_of_drives(drives, list(chosen.values()), progress)
+        names = dict(chosen)
+    else:
+        chosen_runs, left_out = _chosen(sides, logs)
+        replays = replays_of(_titled(sides, chosen_runs), progress) if chosen_runs else Replays([], {}, [])
+        names = {place: shown.name for place, shown in chosen_runs.items()}
     notes += left_out
-    replays = replays_of(list(chosen.values()), progress) if chosen else Replays([], {}, [])
     colours = {name: look[0] for name, look in strategy_looks(side.strategy for side in sides).items()}
-    points = [_point(k + 1, side, chosen, colours, [*axes[0], *axes[-1]]) for k, side in enumerate(sides)]
+    points = [_point(k + 1, side, names, colours, [*axes[0], *axes[-1]]) for k, side in enumerate(sides)]
     pictures = _pictures(directory, words)
     return PageContent(
         title=words.title or _title(configuration, on_drives),
@@ -120,6 +139,7 @@ def comparison_content(
         legend=[],
         packed_maps=replays.packed_maps,
         palette=PALETTE,
+        recorded=on_drives,
         comparison=Comparison(
             tuple(words.sentences), _charts(sides, points, axes), tuple(points), tuple(words.tables),
             tuple(pictures), tuple(words.notes),
@@ -186,20 +206,19 @@ def _pictures(directory: Path, words: Words) -> list[Picture]:
 # ---- runs --------------------------------------------------------------------------------------------------
 
 
-def _logged(
-    directory: Path, configuration: Mapping[str, object], allow_plugins: bool
-) -> tuple[dict[Key, Shown], list[str]]:
+def logs_of_scenes(
+    folders: Sequence[Path], configuration: Mapping[str, object], allow_plugins: bool
+) -> tuple[dict[Hashable, Shown], list[str]]:
     """The logged runs of a comparison over scenes, and what the reader has to know of them.
+
+    They are known by weather, strategy, settings and scene.
 
     Raises:
         ResultsError: a folder of them is damaged.
     """
-    folders = sorted(path.parent for path in directory.glob(f"{LOGGED}*/{RUNS_JSON}"))
-    if not folders:
-        return {}, ["Without logs there are no replays behind the points; compare --logs keeps them."]
     common = configuration.get("common", {})
     of_all = _texts(common) if isinstance(common, Mapping) else frozenset()
-    logs: dict[Key, Shown] = {}
+    logs: dict[Hashable, Shown] = {}
     notes: list[str] = []
     for path in folders:
         folder: RunFolder = read_folder(path, allow_plugins)
@@ -207,47 +226,67 @@ def _logged(
         settings = {
             stored.spec.log: _texts(dict(stored.spec.settings)) for stored in read_configuration(path).runs
         }
-        for run in folder.runs[folder.runs["log"].notna()].to_dict("records"):
-            log, scene = str(run["log"]), str(run["scenario"])
-            own = settings.get(log, frozenset()) - of_all
-            name = log if path.name == LOGGED else f"{path.name}/{log}"
+        for name, run in _rows(folder):
+            scene = str(run["scenario"])
+            own = settings.get(str(run["log"]), frozenset()) - of_all
             logs[str(run["weather"]), str(run["strategy"]), own, scene] = Shown(name, scene, folder, run)
     return logs, list(dict.fromkeys(notes))
 
 
-def _texts(settings: Mapping[str, object]) -> Settings:
+def logs_of_study(folders: Sequence[Path], allow_plugins: bool) -> tuple[dict[Hashable, Shown], list[str]]:
+    """The logged runs of a question, by the number of the side and the scene; see `logs_of_scenes`."""
+    logs: dict[Hashable, Shown] = {}
+    notes: list[str] = []
+    for path in folders:
+        folder = read_folder(path, allow_plugins)
+        notes += folder.notes
+        number = int(path.name.split("_")[1])
+        for name, run in _rows(folder):
+            scene = str(run["scenario"])
+            logs[number, scene] = Shown(name, scene, folder, run)
+    return logs, list(dict.fromkeys(notes))
+
+
+def _rows(folder: RunFolder) -> Iterator[tuple[str, Run]]:
+    """Logged runs of a folder, with names that tell those of several folders apart."""
+    for run in folder.runs[folder.runs["log"].notna()].to_dict("records"):
+        log = str(run["log"])
+        yield log if folder.path.name == LOGGED else f"{folder.path.name}/{log}", run
+
+
+def _texts(settings: Mapping[str, object]) -> frozenset[str]:
+    """Settings as `name=value`."""
     return frozenset(setting_text(name, value) for name, value in settings.items())  # type: ignore[arg-type]
 
 
 def _chosen(
-    sides: Sequence[Side], logs: Mapping[Key, Shown]
-) -> tuple[dict[tuple[int, str], Shown], list[str]]:
-    """Replays that the page holds, by side and scene; and which are left out."""
-    by_scene: dict[str, set[str]] = {}
-    for side in sides:
-        for run in side.runs:
-            by_scene.setdefault(run.title, set()).add(run.outcome)
-    ranked: list[tuple[int, tuple[int, str], Shown]] = []
-    several = {side.group for side in sides if side.group}
+    sides: Sequence[Side], logs: Mapping[Hashable, Kept]
+) -> tuple[dict[tuple[int, str], Kept], list[str]]:
+    """Replays that the page holds, by number of the side and title of the scene; and what is left out."""
+    outcomes: list[dict[str, tuple[str, ...]]] = []
+    kept: dict[tuple[int, str], Kept] = {}
     for k, side in enumerate(sides):
-        own = frozenset(filter(None, side.settings.split(", ")))
-        weathers = {key[0] for key in logs}
-        weather = side.group if several else next(iter(weathers), "")
-        for title, outcomes in _by_title(side.runs).items():
-            shown = logs.get((weather, side.strategy, own, title))
-            if shown is not None:
-                rank = 0 if not outcomes.keys() <= set(GOOD) else 1 if len(by_scene[title]) > 1 else 2
-                shown = replace(shown, title=", ".join(filter(None, (side.name, title, side.group))))
-                ranked.append((rank, (k, title), shown))
-    ranked.sort(key=lambda entry: entry[0])
-    kept = sorted(ranked[:MOST_REPLAYS], key=lambda entry: entry[1][0])
+        by_title = _by_title(side.runs)
+        for run in side.runs:
+            if run.logged in logs:
+                kept[k, run.title] = logs[run.logged]
+        outcomes.append({title: tuple(by_title[title]) for title in by_title if (k, title) in kept})
+    chosen = {place: kept[place] for place in most_telling(outcomes)}
     notes = []
-    if len(ranked) > len(kept):
+    if len(chosen) < len(kept):
         notes.append(
-            f"Replays of {len(kept)} of {len(ranked)} logged runs are in this page, those that went wrong "
-            "first; smartmot-eval report makes a page of each folder of runs."
+            f"Replays of {len(chosen)} of {len(kept)} logged runs are in this page, of each point those that "
+            "went wrong first; smartmot-eval report makes a page of each folder of runs."
         )
-    return {key: shown for _, key, shown in kept}, notes
+    return chosen, notes
+
+
+def _titled(sides: Sequence[Side], chosen: Mapping[tuple[int, str], Shown]) -> list[Shown]:
+    """Replays with titles that say whose they are."""
+    return [
+        replace(shown, title=", ".join(filter(None, (sides[k].name, title, sides[k].group))))
+        for (k, title), shown in chosen.items()
+    ]
 
 
 def _by_title(runs: Sequence[Ended]) -> dict[str, Counter[str]]:
@@ -261,22 +300,26 @@ def _by_title(runs: Sequence[Ended]) -> dict[str, Counter[str]]:
 def _point(
     number: int,
     side: Side,
-    chosen: Mapping[tuple[int, str], Shown],
+    names: Mapping[tuple[int, str], str],
     colours: Mapping[str, str],
     axes: Sequence[Axis],
 ) -> PointView:
-    """A side as the page shows it: the scenes in which it went wrong first."""
+    """A side as the page shows it: the scenes in which it went wrong first.
+
+    Args:
+        number: of the point.
+        side: what it shows.
+        names: of the replays, by number of the side and title of the scene.
+        colours: by strategy.
+        axes: measures that are said in words.
+    """
     lines = []
     for title, outcomes in _by_title(side.runs).items():
         total = sum(outcomes.values())
         parts = [name if count == total else f"{name} {count} of {total}" for name, count in outcomes.items()]
         is_good = outcomes.keys() <= set(GOOD)
-        shown = chosen.get((number - 1, title))
-        lines.append(
-            RunLine(
-                title, ", ".join(parts), "good" if is_good else "bad", "" if shown is None else shown.name
-            )
-        )
+        name = names.get((number - 1, title), "")
+        lines.append(RunLine(title, ", ".join(parts), "good" if is_good else "bad", name))
     lines.sort(key=lambda line: (line.kind != "bad", not line.log))
     more = lines[MOST_LINES:]
     bad = sum(line.kind == "bad" for line in more)

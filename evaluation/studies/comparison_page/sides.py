@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,9 +19,6 @@ from scenarios.reading import exact_floats
 if TYPE_CHECKING:
     import pandas as pd
 
-GOOD = ("avoided", "no activation", "no request")
-"""Outcomes that are as they should be."""
-
 
 @dataclass(frozen=True, slots=True)
 class Ended:
@@ -30,12 +27,12 @@ class Ended:
     Args:
         title: its scene, or its drive.
         outcome: how it ended.
-        seed: of its noise.
+        logged: by what its log is known, if it has one.
     """
 
     title: str
     outcome: str
-    seed: int = 0
+    logged: Hashable
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +113,11 @@ def _estimate(row: Mapping[Any, Any], axis: Axis) -> Estimate:
     return Estimate(value, low, high, int(row.get(f"{axis.name}_count") or 0))
 
 
+def settings_of(text: str) -> frozenset[str]:
+    """Settings as they are typed, in no order."""
+    return frozenset(filter(None, text.split(", ")))
+
+
 def sides_of_scenes(folder: Path) -> list[Side]:
     """Of a folder of `compare`.
 
@@ -139,8 +141,13 @@ def sides_of_scenes(folder: Path) -> list[Side]:
         side = sides.get((weather, strategy, settings))
         if side is not None:
             title = ", ".join(filter(None, (str(run.identity["scene"]), str(run.identity["variant"]))))
-            side.runs.append(Ended(title, run.outcome, int(run.identity["seed"] or 0)))
+            own = settings_of(settings)
+            side.runs.append(Ended(title, run.outcome, (weather, strategy, own, title)))
     return list(sides.values())
+
+
+OF_DRIVE = ("strategy", "rule", "settings", "sequence")
+"""By what a drive of a side is known."""
 
 
 def sides_of_drives(folder: Path) -> list[Side]:
@@ -149,7 +156,7 @@ def sides_of_drives(folder: Path) -> list[Side]:
     Raises:
         ResultsError: a table is missing or damaged.
     """
-    key = ("strategy", "rule", "settings")
+    *key, _ = OF_DRIVE
     rows = read_table(folder / "table.csv", (*key, REQUESTS.name, FALSE_PER_KM.name))
     several = len(set(rows["settings"])) > 1
     sides = {
@@ -172,7 +179,8 @@ def sides_of_drives(folder: Path) -> list[Side]:
         outcome = f"{false} of {requests} requests false" if requests else "no request"
         side = sides.get(tuple(row[name] for name in key))
         if side is not None:
-            side.runs.append(Ended(f"drive {row['sequence']}", outcome))
+            logged = tuple(row[name] for name in OF_DRIVE)
+            side.runs.append(Ended(f"drive {row['sequence']}", outcome, logged))
     return list(sides.values())
 
 
@@ -193,8 +201,8 @@ def sides_of_study(folder: Path) -> list[Side]:
     if "measure" in rows:
         return _sides_by_measure(rows, folder)
     require_columns(path, rows.columns, ("rival", "rule", "trial", AVOIDED.name, STUDY_STOPS.name))
-    return [
-        Side(
+    sides = {
+        (f"{row['rival']}, trial {row['trial']}", row["rule"]): Side(
             f"rule {row['rule']}",
             str(row["rival"]),
             row["settings"],
@@ -202,7 +210,25 @@ def sides_of_study(folder: Path) -> list[Side]:
             {axis.name: _estimate(row, axis) for axis in (AVOIDED, STUDY_STOPS)},
         )
         for row in rows.to_dict("records")
-    ]
+    }
+    for row, ended in _runs_of_study(folder):
+        rules = (text.removeprefix("rule=") for text in settings_of(row["settings"]) if "rule=" in text)
+        side = sides.get((row["name"], next(rules, "paper")))
+        if side is not None:
+            side.runs.append(ended)
+    return list(sides.values())
+
+
+def _runs_of_study(folder: Path) -> Iterator[tuple[Mapping[Any, Any], Ended]]:
+    """Rows of `runs.csv.gz`, and how each ended; a log is known by the number of its side, and its scene."""
+    columns = ("scene", "variant", "must", "name", "preset", "settings", "collided", "false_activation")
+    runs = read_table(folder / "runs.csv.gz", (*columns, "unnecessary_stop", "end_reason"))
+    numbers: dict[tuple[str, ...], int] = {}
+    for row in runs.rename(columns={"unnecessary_stop": "needless_stop"}).to_dict("records"):
+        arm = (row["name"], row["preset"], row["settings"])
+        number = numbers.setdefault(arm, len(numbers))
+        title = ", ".join(filter(None, (row["variant"], row["scene"])))
+        yield row, Ended(title, compared_outcome(row), (number, row["scene"]))
 
 
 def _sides_by_measure(rows: pd.DataFrame, folder: Path) -> list[Side]:
@@ -215,21 +241,18 @@ def _sides_by_measure(rows: pd.DataFrame, folder: Path) -> list[Side]:
         by_measure = own.set_index("measure").to_dict("index")
         values = {}
         for axis in (AVOIDED, STUDY_STOPS):
-            row = by_measure.get(axis.name)
-            if row is None:
+            measured = by_measure.get(axis.name)
+            if measured is None:
                 values[axis.name] = NO_SAMPLE
                 continue
-            value, low, high = (axis.scale * float(row[end]) for end in ("value", "low", "high"))
-            values[axis.name] = Estimate(value, low, high, int(row["count"]))
+            value, low, high = (axis.scale * float(measured[end]) for end in ("value", "low", "high"))
+            values[axis.name] = Estimate(value, low, high, int(measured["count"]))
         strategy = str(settings).split(",")[0]
         sides[str(preset), str(settings)] = Side(
             f"preset {preset}, rule {rule}", strategy, str(settings), str(name), values
         )
-    columns = ("scene", "variant", "must", "preset", "settings", "collided", "false_activation")
-    runs = read_table(folder / "runs.csv.gz", (*columns, "unnecessary_stop", "end_reason"))
-    for row in runs.rename(columns={"unnecessary_stop": "needless_stop"}).to_dict("records"):
+    for row, ended in _runs_of_study(folder):
         side = sides.get((row["preset"], row["settings"]))
         if side is not None:
-            title = ", ".join(filter(None, (row["variant"], row["scene"])))
-            side.runs.append(Ended(title, compared_outcome(row)))
+            side.runs.append(ended)
     return list(sides.values())

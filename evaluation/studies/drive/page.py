@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from evaluation.studies.drive.folder import DriveFolder, Row, read_drive_folder
 from evaluation.studies.drive.tables import HINDSIGHT, common_settings
 from evaluation.views.account.explain import KINDS
 from evaluation.views.page import charts
-from evaluation.views.page.page import PAGE_NAME, PALETTE, PageContent, RunView, render
+from evaluation.views.page.page import PAGE_NAME, PALETTE, PageContent, Replays, RunView, render
 from evaluation.views.page.payload import pack_map, pack_run
 from evaluation.views.page.summary import MARKS, Cell, Matrix, Reason, Verdict, outcome_colour
 from evaluation.views.pictures import told_of_writing
@@ -51,25 +52,9 @@ def drive_content(
         ResultsError: a log is missing or broken.
     """
     drives = folder.drives
-    views: list[RunView] = []
-    networks = folder.networks
-    ways: list[list[FloatArray]] = [[] for _ in networks]
-    for row in drives:
-        view = folder.view(row["log"])
-        way = view.frames.ego[["x_m", "y_m"]].to_numpy(np.float64)
-        map_index, origin = -1, np.rint(way[0])
-        if view.network is not None:
-            map_index = networks.index(view.network)
-            ways[map_index].append(way)
-            origin = np.rint(ways[map_index][0][0])
-        diagram = charts.temporal_spec(view.frames, NO_RUN)
-        packed = pack_run(view.frames, view.account, origin, diagram)
-        views.append(RunView(row["log"], folder.label(row), view.title, view.account, packed, map_index))
-        progress(len(views), len(drives))
+    replays = replays_of_drives(folder, [row["log"] for row in drives], progress)
+    views = replays.views
     names = [row["strategy"] for row in drives]
-    packed_maps = [
-        pack_map(network, way, np.rint(way[0][0])) for network, way in zip(networks, ways, strict=True)
-    ]
     return PageContent(
         title=f"Recorded drives, {_counted(len({row['sequence'] for row in drives}), 'sequence')}",
         facts=_facts(folder),
@@ -82,10 +67,43 @@ def drive_content(
         colours={name: colour for name, (colour, _) in strategy_looks(names).items()},
         panels=[],
         legend=[],
-        packed_maps=packed_maps,
+        packed_maps=replays.packed_maps,
         palette=PALETTE,
         recorded=True,
     )
+
+
+def replays_of_drives(
+    folder: DriveFolder,
+    logs: Sequence[str],
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Replays:
+    """Read the logs of drives, by their names, and say what each came to.
+
+    Raises:
+        ResultsError: a log is missing or broken.
+    """
+    views: list[RunView] = []
+    networks = folder.networks
+    ways: list[list[FloatArray]] = [[] for _ in networks]
+    for log in logs:
+        view = folder.view(log)
+        way = view.frames.ego[["x_m", "y_m"]].to_numpy(np.float64)
+        map_index, origin = -1, np.rint(way[0])
+        if view.network is not None:
+            map_index = networks.index(view.network)
+            ways[map_index].append(way)
+            origin = np.rint(ways[map_index][0][0])
+        diagram = charts.temporal_spec(view.frames, NO_RUN)
+        packed = pack_run(view.frames, view.account, origin, diagram)
+        views.append(RunView(log, folder.label(view.row), view.title, view.account, packed, map_index))
+        progress(len(views), len(logs))
+    driven = [place for place, way in enumerate(ways) if way]
+    packed_maps = [pack_map(networks[k], ways[k], np.rint(ways[k][0][0])) for k in driven]
+    views = [
+        replace(view, map_index=driven.index(k)) if (k := view.map_index) >= 0 else view for view in views
+    ]
+    return Replays(views, {}, packed_maps)
 
 
 def _counted(number: int, what: str) -> str:

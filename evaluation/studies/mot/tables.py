@@ -13,7 +13,7 @@ import numpy as np
 from evaluation.errors import ArgumentError
 from evaluation.metrics.forecast_quality import FORECAST_COLUMNS, HORIZONS_S, ForecastScore
 from evaluation.metrics.mot import SCORE_COLUMNS, MotScore
-from evaluation.results.files import write_whole
+from evaluation.results.files import METRICS_CSV, write_whole
 from evaluation.results.gates import Side
 from evaluation.results.tables import Table, csv_bytes, rich_table
 from evaluation.studies.mot.tracking import TrackedSequence
@@ -26,7 +26,7 @@ from scenarios.recorded.nuscenes import submission_text
 if TYPE_CHECKING:
     import rich.table
 
-METRICS_CSV, FORECAST_CSV, TRACKS_CSV = "metrics.csv", "forecast.csv", "tracks.csv"
+FORECAST_CSV, TRACKS_CSV = "forecast.csv", "tracks.csv"
 TRACKS_NUSCENES = "tracks_nuscenes.json"
 TRACK_FORMATS = ("kitti", "nuscenes", "csv")
 """What tracks are written in."""

@@ -14,7 +14,9 @@ import rich.console
 
 from evaluation.metrics.intervals import Estimate, wilson
 from evaluation.progress import study_progress
-from evaluation.results.files import SCHEMA, json_bytes, write_files
+from evaluation.results.calls import note
+from evaluation.results.files import SCHEMA, STUDY_JSON, json_bytes, write_files
+from evaluation.results.gates import Side
 from evaluation.results.tables import Table, csv_bytes
 from evaluation.runs.configuration import versions
 from evaluation.runs.fingerprint import version
@@ -227,7 +229,7 @@ def write(
     contents = {
         "answer.md": result.markdown(form=formats[0] if formats else FORMATS[0]),
         "runs.csv.gz": gzip.compress(_runs_csv(searched), mtime=0),
-        "study.json": json_bytes(asked, indent=1),
+        STUDY_JSON: json_bytes(asked, indent=1),
         **result.files,
     }
     written = write_files(out, contents)
@@ -237,6 +239,8 @@ def write(
         folder = out / "nearest"
         (folder / "scenes").mkdir(parents=True, exist_ok=True)
         specs = [case.spec(case.draw(folder / "scenes")) for case, _ in searched.nearest]
+        for file in (folder / "scenes").rglob("*.x*"):
+            note(file)
         compare_files(specs, folder, None, workers, quiet=True)
         written.append(folder)
     return written
@@ -284,6 +288,30 @@ def _runs_csv(searched: Searched) -> bytes:
     )
 
 
+def folder_of(family: Family, out: Path) -> Path:
+    """The folder for the answer, in the folder of all questions."""
+    return out / "worst" / family.name.replace(" ", "-")
+
+
+WORST_MEASURES = ("probability", "probability_low", "probability_high", "contacts", "runs")
+"""Of the one that was searched, for gates; docs/gates.md has their meaning."""
+
+
+def side_of_search(searched: Searched) -> Side:
+    """What a search came to, with its nearest failures."""
+    low, high = searched.failure.interval
+    values = {
+        "probability": searched.failure.probability,
+        "probability_low": low,
+        "probability_high": high,
+        "contacts": float(sum(came.collided for _, came in searched.possible)),
+        "runs": float(searched.failure.runs),
+    }
+    arm = searched.family.arm
+    detail = ", ".join((searched.family.name, arm.preset, arm.text))
+    return Side(arm.name, values, detail, {"contacts": [case.name for case, _ in searched.nearest]})
+
+
 def ask(
     family: Family,
     out: Path,
@@ -298,7 +326,7 @@ def ask(
     """Carry out a search, say what it came to, and write it."""
     console = rich.console.Console(quiet=quiet)
     searched = search(family, out, samples=samples, seed=seed, plain=plain, workers=workers, quiet=quiet)
-    folder = out / "worst" / family.name.replace(" ", "-")
+    folder = folder_of(family, out)
     written = write(searched, folder, formats, workers)
     for line in answer(searched).sentences:
         console.print(line, highlight=False)

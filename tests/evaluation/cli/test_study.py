@@ -31,16 +31,19 @@ def call(*arguments: str) -> int:
     ("arguments", "message"),
     [
         (("profit",), "QUESTION: unknown 'profit'; use one of: gain"),
-        (("sensor", "--preset", "physical,real"), "--preset: sensor takes one"),
+        (("sensor", "--preset", "physical,real"), "--preset: has no effect with study sensor"),
         (("sensor", "--rule", "paper,rss"), "--rule: sensor takes one"),
         (("gain", "--rule", "none"), "--rule: unknown 'none'"),
-        (("gain", "--path-from", "map"), "--path-from: gain takes none"),
-        (("gain", "--weights", "1,1,1"), "--weights: gain takes none; give them to severity"),
+        (("gain", "--weights", "1,1,1"), "--weights: has no effect with study gain; it is for severity"),
         (("severity", "--weights", "1,1"), "--weights: expected three numbers such as 1,1,1"),
         (("severity", "--preset", "real,paper"), "--preset: severity takes one"),
-        (("severity", "--tuned", "x.json"), "--tuned: severity takes none"),
+        (("severity", "--tuned", "x.json"), "--tuned: has no effect with study severity"),
+        (("gain", "--path-from", "map"), "--path-from: has no effect with study gain; it is for break-even"),
         (("break-even", "--path-from", "sky"), "--path-from: unknown 'sky'"),
-        (("sensor", "--tuned", "x.json"), "--tuned: sensor takes none"),
+        (
+            ("sensor", "--tuned", "x.json"),
+            "--tuned: has no effect with study sensor; it is for gain, break-even or trigger",
+        ),
         (("gain", "--tuned", "x.json"), "x.json is not a tuned.json"),
         (("gain", "--split", "all"), "--split: unknown 'all'"),
         (("gain", "--maps", "nowhere"), "--maps: nowhere is no folder"),
@@ -98,9 +101,9 @@ def test_a_study_fails_where_a_rule_is_met(
     assert errors == ([f"smartmot-eval: failed: {line}"] if line else [])
 
 
-def test_the_search_for_one_case_has_no_gate(capfd: pytest.CaptureFixture[str]) -> None:
-    assert call("worst", "--family", "crossing", "--fail-on", "avoided<1") == 2
-    assert "--fail-on: worst searches one case" in capfd.readouterr().err
+def test_the_search_for_one_case_has_measures_of_its_own(capfd: pytest.CaptureFixture[str]) -> None:
+    assert call("worst", "--family", "pedestrian crosses", "--fail-on", "avoided<1") == 2
+    assert "--fail-on: unknown measure 'avoided'" in capfd.readouterr().err
 
 
 def test_options_become_a_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from evaluation.cli import options
+from evaluation.cli.effects import For, Without, refuse_idle
 from evaluation.cli.output import counting
 from evaluation.errors import ArgumentError
 
@@ -28,11 +29,17 @@ EXAMPLES = options.examples(
 
 SOURCES = ("scenes", "crops")
 CROPS = "Of --from crops"
+EFFECTS = (
+    For(("maps", "scenario"), "source", ("scenes",)),
+    For(("crops", "background", "flip", "scale", "noise", "turn"), "source", ("crops",)),
+    Without(("maps",), "scenario"),
+)
 HIGHEST_M = 5.0
 """Of a sensor on a vehicle: a truck's roof is at 4 m."""
 
 
 def command(
+    context: typer.Context,
     source: Annotated[
         str,
         typer.Option(
@@ -116,6 +123,7 @@ def command(
     from evaluation.studies.datasets.make import Recipe, make_dataset
 
     source = options.parse_name(source, SOURCES, "--from")
+    refuse_idle(context, EFFECTS)
     layout = options.parse_name(layout, tuple(LAYOUTS), "--layout")
     config = parse_sensor(sensor, height)
     typed: dict[str, Any] = {
@@ -126,15 +134,9 @@ def command(
         )
         if value is not None
     }
-    if scenario is not None and (source != "scenes" or maps):
-        raise ArgumentError("--scenario: for --from scenes without --map; each has a map of its own")
     if source == "crops":
-        if maps:
-            raise ArgumentError("--map: for --from scenes")
         maker: FrameMaker = parse_composer(config, seed, **typed)
     else:
-        if typed:
-            raise ArgumentError(f"--{next(iter(typed))}: for --from crops")
         maker = parse_streets(config, maps, seed) if scenario is None else parse_runs(config, scenario, seed)
     values = {name: value.name if isinstance(value, Path) else value for name, value in typed.items()}
     values |= {"from": source, "sensor": sensor}

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.output import print_written
+from evaluation.cli.output import print_written, results_folder
 
 EXAMPLES = options.examples(
     "`smartmot-eval lidar dataset show results/dataset --scene 0005 --mode bev`",
@@ -17,6 +17,7 @@ EXAMPLES = options.examples(
 
 
 def command(
+    context: typer.Context,
     folder: Annotated[
         Path, typer.Argument(help="Data set in the layout of KITTI, nuScenes or SimBEV.", metavar="DIR")
     ],
@@ -34,4 +35,5 @@ def command(
     from evaluation.studies.datasets.show import MODES, show_dataset
 
     mode = options.parse_name(mode, MODES, "--mode")
+    out = results_folder(context, out)
     print_written(show_dataset(folder, out, mode, scene, frames), (), quiet)

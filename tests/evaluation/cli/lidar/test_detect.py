@@ -132,7 +132,7 @@ def test_bench_says_milliseconds_by_stage(velodyne: Path, capsys: Capture) -> No
     [
         (("--method", "magic"), "--method: unknown 'magic'"),
         (("--method", "plain", "--score-min", "0.5"), "--score-min: all boxes of plain have score 1"),
-        (("--labels", "x.txt"), "--labels: needs --track and --calib"),
+        (("--labels", "x.txt"), "--labels: has no effect without --track; add it"),
     ],
 )
 def test_mistakes_are_one_line(

@@ -11,6 +11,7 @@ from evaluation.metrics.intervals import Estimate
 from evaluation.results.files import ResultsError
 from evaluation.studies.comparison_page import page as comparison_page
 from evaluation.studies.comparison_page.page import comparison_content
+from evaluation.studies.logged import most_telling
 from evaluation.views.page.comparison import HEIGHT, WIDTH, PointView, chart
 
 REPORTS = Path(__file__).parents[4] / "reports"
@@ -63,13 +64,26 @@ def test_replays_are_those_of_the_runs_behind_the_points(logged: Path) -> None:
 
 
 def test_what_is_too_much_for_a_page_is_said(logged: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(comparison_page, "MOST_REPLAYS", 2)
+    monkeypatch.setattr(comparison_page, "most_telling", lambda sides: most_telling(sides, 2))
     content = comparison_content(logged)
     assert content.comparison is not None
     kept = [line for point in content.comparison.points for line in point.lines if line.log]
     assert len(content.runs) == len(kept) == 2
     assert any(line.kind == "bad" for line in kept)
     assert [note for note in content.notes if note.startswith("Replays of 2 of ")]
+
+
+def test_every_side_has_its_share_and_what_ended_badly_comes_first() -> None:
+    good, bad = ("avoided",), ("contact",)
+    sides = [
+        {"a": good, "b": bad, "c": good},
+        {"a": good, "b": good, "c": good},
+        {"a": bad, "b": bad, "c": bad},
+    ]
+    assert most_telling(sides, 4) == [(0, "b"), (0, "a"), (1, "a"), (2, "a")]
+    assert most_telling(sides, 3) == [(0, "b"), (1, "a"), (2, "a")]
+    assert len(most_telling(sides, 100)) == 9
+    assert most_telling([], 5) == []
 
 
 def test_marks_stand_where_their_values_are() -> None:

@@ -310,11 +310,11 @@ def test_command_compares_on_drives(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--scenes", "people at the kerb"], "--scenes: not with --drives"),
-        (["--weather", "rain"], "--weather: not with --drives"),
-        (["--full"], "--full: not with --drives"),
-        (["--growth"], "--growth: not with --drives"),
-        (["--seeds", "3"], "--seeds: not with --drives"),
+        (["--scenes", "people at the kerb"], "--scenes: has no effect with --drives"),
+        (["--weather", "rain"], "--weather: has no effect with --drives"),
+        (["--full"], "--full: has no effect with --drives"),
+        (["--growth"], "--growth: has no effect with --drives"),
+        (["--seeds", "3"], "--seeds: has no effect with --drives"),
         (["--vary", "rate_hz=5"], "--vary rate_hz: means nothing on recorded drives"),
         (["--strategies", "map"], "strategy map: the data have no map"),
     ],
@@ -332,4 +332,7 @@ def test_command_refuses_in_one_line(
 
 def test_options_of_drives_need_drives(run: Callable[..., Any], tmp_path: Path) -> None:
     done = run("compare", "--detections", "labels", "--out", tmp_path)
-    assert (done.status, done.err) == (2, "smartmot-eval: --detections: goes with --drives; add it\n")
+    assert (done.status, done.err) == (
+        2,
+        "smartmot-eval: --detections: has no effect without --drives; add it\n",
+    )

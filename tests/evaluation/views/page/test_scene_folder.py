@@ -9,8 +9,9 @@ from evaluation.results.by_speed import impact_table
 from evaluation.results.files import ResultsError
 from evaluation.results.rows import read_runs
 from evaluation.runs.folder import read_folder
-from evaluation.studies.compare.command import log_runs
+from evaluation.studies.compare.command import logged_groups
 from evaluation.studies.compare.study import SceneStudy
+from evaluation.studies.logged import LOGGED, log_runs
 from evaluation.views.page import charts, page
 from evaluation.views.page.summary import score_matrix, verdicts
 from scenarios.scenes.scenes import all_scenes
@@ -24,7 +25,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Logs of two scenes, as `compare --logs` keeps them."""
     out = tmp_path_factory.mktemp("scenes")
     study = SceneStudy(("rectangular", "map"), "physical", full=True)
-    return log_runs(study, [run for run in all_scenes() if run.name in (BEND, CROSSES)], out)
+    scenes = [run for run in all_scenes() if run.name in (BEND, CROSSES)]
+    log_runs(logged_groups(study, scenes), out)
+    return out / LOGGED
 
 
 def test_unnecessary_braking_is_found_and_explained(folder: Path) -> None:
