@@ -1,6 +1,7 @@
 """Many short runs on local processes and on the workers of a scheduler: efficiency, and overhead per run.
 
     python -m benchmarks.scale_out [--runs 10000] [--workers 1,2] [--out benchmarks/scale_out.json]
+    python -m benchmarks.scale_out --only pool_1   # a part; what is in the file is not measured again
     python -m benchmarks.scale_out --page   # docs/scale.md again, from the file
 
 The runs are those of the paper's test (CPNA) at 10, 20, ... 60 km/h with two strategies, with a seed for each
@@ -8,19 +9,25 @@ dozen. Efficiency with k workers is the time of the runs, one after another in t
 they took there; the runs of both are the same. On a machine that others use it says little; the share of the
 workers' time that is spent in runs, and processor times, say more there, and all of them are in the file.
 Scheduler and workers are processes of this machine, in a folder of their own.
+
+Each way of carrying out the runs is a part, after which the file is written: stopped, the benchmark goes on
+with the next. Parts of another commit, machine or number of runs are measured anew.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import json
 import os
+import platform
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
+import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -30,6 +37,9 @@ ROOT = Path(__file__).parents[1]
 if not __package__:
     # a script's own folder comes first, and has a module of the name opendrive
     sys.path[0] = str(ROOT)
+
+from evaluation.results.files import write_whole
+from evaluation.runs.fingerprint import digest_of
 
 FILE = ROOT / "benchmarks" / "scale_out.json"
 PAGE = ROOT / "docs" / "scale.md"
@@ -116,6 +126,7 @@ def measure(runs: list[Any], workers: Any, processes: list[int]) -> tuple[dict[s
             items = {f"{k:024x}": spec for k, spec in enumerate(runs)}
             finished, _ = journal.carry_out(timed, items, workers, kept=kept)
         size = (Path(scratch) / "runs.jsonl").stat().st_size
+        held = held_bytes(Path(scratch), list(items))
     end = time.perf_counter()
     work_s = sum(cpu for _, cpu in busy)
     others_s = sum(map(spent_s, processes)) - others_s
@@ -128,47 +139,93 @@ def measure(runs: list[Any], workers: Any, processes: list[int]) -> tuple[dict[s
         "caller_cpu_s": own_s if processes else 0.0,
         "all_cpu_s": own_s + others_s,
         "journal_bytes": size,
+        "held_bytes": held,
     }
     return values, [finished[key][0] for key in items]  # in their order, whichever was finished first
 
 
-def run_benchmark(count: int, ks: list[int], out: Path) -> None:
-    """Measure, compare the rows, write the file."""
+def held_bytes(folder: Path, keys: list[str]) -> int:
+    """Memory that the caller has for what is kept of finished runs."""
+    from evaluation.results.rows import RunRow
+    from evaluation.runs.journal import Journal
+
+    tracemalloc.start()
+    before, _ = tracemalloc.get_traced_memory()
+    with Journal(folder, RunRow) as journal:
+        finished = journal.finished(dict.fromkeys(keys))
+        after, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(finished) == len(keys)
+    return after - before
+
+
+def known_parts(out: Path, count: int) -> dict[str, Any]:
+    """What the file has of this benchmark, on this machine and of this code."""
+    content = measured(out)
+    if content is None or content.get("made_with") != made_with(count):
+        return {}
+    return content
+
+
+def made_with(count: int) -> dict[str, object]:
+    """What makes parts comparable."""
+    commit = subprocess.run(
+        ["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    return {
+        "runs": count,
+        "commit": commit.stdout.strip(),
+        "python": platform.python_version(),
+        "machine": platform.node(),
+        "cores": len(os.sched_getaffinity(0)),
+    }
+
+
+def run_benchmark(count: int, parts: list[str], out: Path) -> None:
+    """Measure the parts that the file does not have, compare the rows, and write the file after each."""
     from evaluation.runs.cluster.scheduler import Scheduler
 
     runs = specs(count)
-    few = runs[: max(count // 4, max(ks))]
+    few = runs[: max(count // 4, *(int(name.rpartition("_")[2]) for name in parts))]
+    content = known_parts(out, count)
+    results: dict[str, Any] = content.get("results", {})
+    alone: list[list[float]] = content.get("alone", [])
     for spec in runs[:12]:
         timed(spec)
-    alone: list[tuple[float, float]] = []
-    results: dict[str, Any] = {}
-    reference: list[Any] | None = None
-    for k in ks:
-        for name in ("pool", "scheduler"):
-            alone += [timed(spec)[2:] for spec in runs[:ALONE]]
-            with contextlib.ExitStack() as stack:
-                workers: Any = k
-                processes: list[int] = []
-                if name == "scheduler":
-                    address, processes = stack.enter_context(cluster(k))
-                    workers = Scheduler(address, print)
-                small, _ = measure(few, workers, processes)
-                large, rows = measure(runs, workers, processes)
-            reference = reference or rows
-            assert rows == reference, "other rows than before"
-            results[f"{name}_{k}"] = {"few": small, "all": large}
-            print(name, k, json.dumps(large))
-    content = {
-        "runs": count,
-        "few": len(few),
-        "alone_wall_s": statistics.median(wall for wall, _ in alone),
-        "alone_cpu_s": statistics.fmean(cpu for _, cpu in alone),
-        "load": os.getloadavg()[1],
-        "cores": len(os.sched_getaffinity(0)),
-        "results": results,
-    }
-    out.write_text(json.dumps(content, indent=1) + "\n")
-    print(section(content))
+    for name in parts:
+        if name in results:
+            print(name, "is in the file")
+            continue
+        kind, _, text = name.partition("_")
+        k = int(text)
+        alone += [list(timed(spec)[2:]) for spec in runs[:ALONE]]
+        with contextlib.ExitStack() as stack:
+            workers: Any = k
+            processes: list[int] = []
+            if kind == "scheduler":
+                address, processes = stack.enter_context(cluster(k))
+                workers = Scheduler(address, print)
+            small, _ = measure(few, workers, processes)
+            large, rows = measure(runs, workers, processes)
+        large["rows"] = digest_of([dataclasses.asdict(row) for row in rows])
+        others = {part["all"]["rows"] for part in results.values()}
+        assert others <= {large["rows"]}, f"other rows than before: {name}"
+        results[name] = {"few": small, "all": large}
+        print(name, json.dumps(large))
+        content = {
+            "made_with": made_with(count),
+            "runs": count,
+            "few": len(few),
+            "alone": alone,
+            "alone_wall_s": statistics.median(wall for wall, _ in alone),
+            "alone_cpu_s": statistics.fmean(cpu for _, cpu in alone),
+            "load": os.getloadavg()[1],
+            "cores": len(os.sched_getaffinity(0)),
+            "results": results,
+        }
+        write_whole(out, (json.dumps(content, indent=1) + "\n").encode())
+    if any(name.startswith("scheduler") for name in results):
+        print(section(content))
 
 
 def overheads(content: dict[str, Any], name: str) -> dict[str, float]:
@@ -227,7 +284,7 @@ def section(content: dict[str, Any] | None) -> str:
     total_h = MILLION * (run_s + costs["per_run_s"]) / 3600
     share = costs["per_run_s"] / (run_s + costs["per_run_s"])
     feeds = run_s / costs["caller_s"]
-    size = content["results"][last]["all"]["journal_bytes"] / runs
+    size, held = (content["results"][last]["all"][name] / runs for name in ("journal_bytes", "held_bytes"))
     lines += [
         "",
         "A million of these runs need by that:",
@@ -240,6 +297,7 @@ def section(content: dict[str, Any] | None) -> str:
         ),
         f"- a caller that spends {1e3 * costs['caller_s']:.1f} ms per run, and so keeps up with "
         f"{feeds:.0f} workers at most;",
+        f"- {MILLION * held / 1e9:.1f} GB of the caller's memory for their rows ({held:.0f} bytes each);",
         f"- {MILLION * size / 1e9:.2f} GB for the journal ({size:.0f} bytes per run).",
         "",
     ]
@@ -269,10 +327,12 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=10_000)
     parser.add_argument("--workers", default="1,2")
     parser.add_argument("--out", type=Path, default=FILE)
+    parser.add_argument("--only", help="parts, comma-separated, such as pool_2,scheduler_2; default: all")
     parser.add_argument("--page", action="store_true")
     given = parser.parse_args()
     if not given.page:
-        run_benchmark(given.runs, [int(k) for k in given.workers.split(",")], given.out)
+        every = [f"{kind}_{k}" for k in given.workers.split(",") for kind in ("pool", "scheduler")]
+        run_benchmark(given.runs, given.only.split(",") if given.only else every, given.out)
     else:
         write_page(measured(given.out))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.effects import OF_LIDAR, With, Without, is_typed, refuse_idle
+from evaluation.cli.call.effects import OF_LIDAR, With, Without, is_typed, refuse_idle
 from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, results_folder
 from evaluation.cli.recorded import options as recorded
 

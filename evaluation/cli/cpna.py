@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.effects import Without, refuse_idle
+from evaluation.cli.call.effects import Without, refuse_idle
 from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, results_folder, write_mcaps
 from scenarios.catalogue.maps import DEFAULT_MAP
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from evaluation.cli.effects import Without, refuse_idle
+from evaluation.cli.call.effects import Without, refuse_idle
 
 EFFECTS = (
     Without(("scenario", "protocols", "perceptions"), "rules"),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.effects import With, Without, refuse_idle
+from evaluation.cli.call.effects import With, Without, refuse_idle
 
 if TYPE_CHECKING:
     from opendrive import RoadNetwork

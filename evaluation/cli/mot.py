@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.effects import With, refuse_idle
+from evaluation.cli.call.effects import With, refuse_idle
 from evaluation.cli.output import parse_gate, results_folder
 from evaluation.errors import ArgumentError
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from evaluation.cli.effects import is_typed
+from evaluation.cli.call.effects import is_typed
 
 if TYPE_CHECKING:
     from evaluation.results.gates import Rule, Side

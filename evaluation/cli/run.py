@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.effects import OF_LIDAR, With, Without, refuse_idle
+from evaluation.cli.call.effects import OF_LIDAR, With, Without, refuse_idle
 from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, results_folder, write_mcaps
 from evaluation.errors import ArgumentError
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.effects import OF_LIDAR, For, refuse_idle
+from evaluation.cli.call.effects import OF_LIDAR, For, refuse_idle
 from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, replace_results
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.effects import is_typed
+from evaluation.cli.call.effects import is_typed
 from evaluation.cli.output import counting, parse_gate, print_written, results_folder
 
 PLOT_EXAMPLES = options.examples(

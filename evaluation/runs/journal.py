@@ -8,10 +8,11 @@ import hashlib
 import json
 import os
 import re
+import sys
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import IO, TYPE_CHECKING, Any, Generic, TypeVar
+from typing import IO, TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from evaluation.results.files import ResultsError
 from evaluation.runs.decoding import decode
@@ -101,12 +102,12 @@ class Journal(Generic[Measures]):
         """
         by_key: dict[str, tuple[Measures, FrameTime]] = {}
         try:
-            for key, values in self._lines.items():
+            for key, line in self._lines.items():
                 if key in keys:
                     spent = FrameTime(0, 0.0, 0.0)
                     if key in self._times:
                         spent = _checked(FrameTime, self._times[key], f"times of run {shown(key)}")
-                    by_key[key] = _checked(self._kind, values, f"run {shown(key)}"), spent
+                    by_key[key] = _checked(self._kind, line, f"run {shown(key)}"), spent
         except ReadError as error:
             raise ResultsError(f"{self._path}: not a journal of this version ({error}); remove it") from None
         return by_key
@@ -167,7 +168,7 @@ class Journal(Generic[Measures]):
             key = missing[number]
             measures, spent = kept(items[key], result)
             self.add(key, measures, spent)
-            by_key[key] = measures, spent
+            by_key[key] = _shared(measures), spent
             done(1)
         self._sort(items)
         return by_key, before
@@ -198,12 +199,23 @@ def _opened(path: Path) -> IO[str]:
     return path.open("a", encoding="utf-8")
 
 
-def _checked(kind: type[Kept], values: Mapping[str, Any], where: str) -> Kept:
+_Line: TypeAlias = tuple[tuple[str, ...], tuple[Any, ...]]
+"""Names and values of a line: the names are the same object in all lines that have the same."""
+
+
+def _shared(measures: Kept) -> Kept:
+    """The same, equal texts as one object: most runs are of the same few scenes and settings."""
+    values = (getattr(measures, entry.name) for entry in dataclasses.fields(measures))
+    return type(measures)(*(sys.intern(value) if type(value) is str else value for value in values))
+
+
+def _checked(kind: type[Kept], line: _Line, where: str) -> Kept:
     """What a line holds, as it was written: a number that was written as a whole one stays one.
 
     Raises:
         ReadError: a field is missing, unknown or of another kind.
     """
+    values = dict(zip(*line, strict=True))
     decode(kind, values, where)
     return kind(**values)
 
@@ -263,7 +275,7 @@ def _sort_lines(path: Path, order: Mapping[str, int]) -> None:
         raise
 
 
-def _read(path: Path, cut: bool) -> dict[str, dict[str, Any]]:
+def _read(path: Path, cut: bool) -> dict[str, _Line]:
     """Lines by key.
 
     Args:
@@ -272,9 +284,13 @@ def _read(path: Path, cut: bool) -> dict[str, dict[str, Any]]:
     """
     if not path.exists():
         return {}
-    by_key, end = {}, 0
+    by_key: dict[str, _Line] = {}
+    known_names: dict[tuple[str, ...], tuple[str, ...]] = {}
+    end = 0
     for key, values, line_end in _lines(path):
-        by_key[key], end = values, line_end
+        names, end = tuple(values), line_end
+        texts_shared = (sys.intern(value) if type(value) is str else value for value in values.values())
+        by_key[key] = known_names.setdefault(names, names), tuple(texts_shared)
     if cut and end < path.stat().st_size:
         os.truncate(path, end)
     return by_key

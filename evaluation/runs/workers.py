@@ -33,6 +33,9 @@ Workers: TypeAlias = "int | Scheduler"
 WAITING = 2
 """Items that are handed over per process: the one at work, and one that it goes on with."""
 
+LATE = ("scenarios.simulation.follower",)
+"""What runs import as they begin, half of all that they import: once for all processes of all pools."""
+
 _SAFE_PATH = "PYTHONSAFEPATH"
 """With it, an interpreter that is started with `-c` does not look into the current folder for modules."""
 
@@ -154,7 +157,7 @@ def _context(job: Callable[..., Any]) -> BaseContext:
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     function = job.func if isinstance(job, partial) else job
-    context.set_forkserver_preload([str(function.__module__)])
+    context.set_forkserver_preload([str(function.__module__), *LATE])
     return context
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.effects import is_typed
+from evaluation.cli.call.effects import is_typed
 from evaluation.cli.output import one_line
 from evaluation.errors import ArgumentError
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.effects import For, refuse_idle
+from evaluation.cli.call.effects import For, refuse_idle
 from evaluation.cli.output import one_line, parse_gate, replace_results
 from evaluation.errors import ArgumentError
 

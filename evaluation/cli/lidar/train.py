@@ -9,7 +9,7 @@ import typer
 
 import _smartmot
 from evaluation.cli import options
-from evaluation.cli.effects import With, Without, refuse_idle
+from evaluation.cli.call.effects import With, Without, refuse_idle
 from evaluation.cli.lidar.detect import NETWORK_ENDING
 from evaluation.cli.output import counting, one_line
 from evaluation.errors import ArgumentError

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.effects import For, is_typed, refuse_idle
+from evaluation.cli.call.effects import For, is_typed, refuse_idle
 from evaluation.cli.output import counting, print_written
 from evaluation.cli.recorded.options import parse_vehicle
 from evaluation.errors import ArgumentError

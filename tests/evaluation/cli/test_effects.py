@@ -12,7 +12,7 @@ import pytest
 import typer.main
 
 from evaluation.cli import app
-from evaluation.cli.effects import Effects, For, With, Without
+from evaluation.cli.call.effects import Effects, For, With, Without
 from evaluation.errors import ArgumentError
 
 GROUP = typer.main.get_command(app)

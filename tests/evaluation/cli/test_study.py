@@ -103,7 +103,7 @@ def test_a_study_fails_where_a_rule_is_met(
 
 def test_the_search_for_one_case_has_measures_of_its_own(capfd: pytest.CaptureFixture[str]) -> None:
     assert call("worst", "--family", "pedestrian crosses", "--fail-on", "avoided<1") == 2
-    assert "--fail-on: unknown measure 'avoided'" in capfd.readouterr().err
+    assert "--fail-on: no measure 'avoided'; use: probability" in capfd.readouterr().err
 
 
 def test_options_become_a_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

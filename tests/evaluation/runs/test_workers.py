@@ -57,6 +57,24 @@ def test_an_error_comes_after_the_results_before_it(count: int) -> None:
         next(results)
 
 
+def is_loaded(name: str) -> bool:
+    return name in sys.modules
+
+
+@pytest.mark.skipif("forkserver" not in multiprocessing.get_all_start_methods(), reason="needs a forkserver")
+def test_processes_begin_with_what_runs_import() -> None:
+    script = (
+        "from tests.evaluation.runs.test_workers import is_loaded\n"
+        "from evaluation.runs.workers import LATE, execute_all\n"
+        "print(list(execute_all(is_loaded, [*LATE, 'nowhere'], 2)))"
+    )
+    root = Path(__file__).parents[3]
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=root, capture_output=True, text=True, check=True, timeout=300
+    )
+    assert done.stdout == f"{[True] * len(workers.LATE) + [False]}\n"
+
+
 def is_killed_at_three(number: int) -> int:
     if number == 3:
         os.kill(os.getpid(), signal.SIGKILL)

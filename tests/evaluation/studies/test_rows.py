@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import gzip
+import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -135,7 +138,6 @@ def test_the_tables_of_the_reference_results_are_read(tmp_path: Path, name: str)
 
 
 def main_ended(words: list[str]) -> None:
-    import sys
 
     before = sys.argv
     sys.argv = ["smartmot-eval", *words]
@@ -162,6 +164,44 @@ def test_the_queries_of_the_page_run(folder: Path) -> None:
     exec(python, names)
     assert len(names["brake"]) == 4
     assert names["nothing"]["false_activation"].tolist() == [True]
+
+
+MANY = 200_000
+_STREAMS = """
+import resource, sys
+from pathlib import Path
+import pyarrow.csv, pyarrow.dataset, pyarrow.parquet
+from evaluation.studies.rows import write_parquet
+
+def used() -> int:
+    return int(next(l for l in open("/proc/self/status") if l.startswith("VmData")).split()[1]) << 10
+
+write_parquet([Path("few")], Path("warm"))  # what is loaded and started at the first call
+limit = used() + int(sys.argv[1])
+resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+print(write_parquet([Path("many")], Path("rows"), ("strategy", "must")))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the limits of Linux")
+def test_rows_of_a_journal_larger_than_the_memory_pass_through(tmp_path: Path) -> None:
+    line = json.dumps({"key": "0", **dataclasses.asdict(RUNS_OF_TWO[0])})
+    for name, count in (("few", 10), ("many", MANY)):
+        (tmp_path / name).mkdir()
+        with (tmp_path / name / RUNS).open("w") as journal:
+            for number in range(count):
+                strategy = ("map", "all")[number % 2]
+                own = line.replace('"key": "0"', f'"key": "{number:024x}"')
+                journal.write(own.replace('"strategy": "map"', f'"strategy": "{strategy}"') + "\n")
+    limit = 64 << 20
+    assert (tmp_path / "many" / RUNS).stat().st_size > 1.5 * limit
+    words = [sys.executable, "-c", _STREAMS, str(limit)]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, f"{MANY}\n"), done.stderr
+    table = pq.read_table(tmp_path / "rows", columns=["strategy", "speed_loss_kmh"])
+    assert len(table) == MANY
+    assert table["strategy"].to_pylist().count("all") == MANY // 2
+    assert set(table["speed_loss_kmh"].to_pylist()) == {0.1 + 0.2}
 
 
 def test_what_cannot_be_done_is_said_and_nothing_is_left(folder: Path) -> None:

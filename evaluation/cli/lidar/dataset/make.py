@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.effects import For, Without, refuse_idle
+from evaluation.cli.call.effects import For, Without, refuse_idle
 from evaluation.cli.output import counting
 from evaluation.errors import ArgumentError
 
