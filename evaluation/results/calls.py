@@ -79,6 +79,7 @@ def note(path: Path) -> None:
         (call, names), _to_replace = _to_replace, None
         _remove(_open, names)
         _write(_open, call, ())
+        path.parent.mkdir(parents=True, exist_ok=True)  # it was empty then
     with (_open / CALL).open("a", encoding="utf-8") as file:
         file.write(f"{(path.parent.resolve() / path.name).relative_to(_open).as_posix()}\n")
 

@@ -29,7 +29,7 @@ FOLDER = "folder"
 """Column with the name of the folder that a row is from."""
 KINDS = (RunRow, RunMeasures, LidarDecision, LoggedRow, GrowthRun, MechanismRun)
 """What the tables of runs hold; a name means the same, with the same type, in all of them."""
-ROWS_AT_ONCE = 20_000
+ROWS_AT_ONCE = 5_000
 USUAL = ("strategy",)
 """What rows are parted by unless it is said."""
 BYTES_AT_ONCE = 4 << 20

@@ -127,7 +127,21 @@ def test_default_folders_hold_one_call_each(
     assert folders[0].joinpath("runs.csv").read_bytes() == first
     assert len(list(folders[1].glob("logs/*.parquet"))) == 1
 
-    (tmp_path / "mine").mkdir()
-    for speed in ("20", "30"):  # what is asked for by name is used
-        assert told(monkeypatch, capsys, *run, "--param", f"Ego_speed_kmh={speed}", "--out", "mine")[0] == 0
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "notes.txt").write_text("of the user")
+    replaced = "smartmot-eval: results of another call in mine are replaced\n"
+    for speed, line in (("20", ""), ("30", replaced)):  # what is asked for by name is used, as a whole
+        words = ("--param", f"Ego_speed_kmh={speed}", "--out", "mine")
+        assert told(monkeypatch, capsys, *run, *words) == (0, "", line)
+        (log,) = mine.glob("logs/*.parquet")
+        assert f"_{speed}kmh_" in log.name
+    assert (mine / "notes.txt").read_text() == "of the user"
     assert not (tmp_path / "mine-2").exists()
+    (mine / ".smartmot-call").unlink()
+    status, _, error = told(monkeypatch, capsys, *run, "--out", "mine")
+    assert (status, error) == (
+        2,
+        "smartmot-eval: mine: has runs.csv of a call that is not known; remove it, or name another folder "
+        "(--out)\n",
+    )

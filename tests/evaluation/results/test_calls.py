@@ -42,6 +42,14 @@ def test_another_call_removes_what_the_first_has_written_and_nothing_else(tmp_pa
     assert call_of(tmp_path) == SECOND
 
 
+def test_a_folder_that_was_emptied_is_used_again(tmp_path: Path) -> None:
+    begin(tmp_path, FIRST)
+    write_bytes(tmp_path / "logs" / "a.parquet", b"first")
+    begin(tmp_path, SECOND)
+    write_bytes(tmp_path / "logs" / "b.parquet", b"second")
+    assert names(tmp_path) == {"logs/b.parquet"}
+
+
 def test_the_same_call_keeps_what_it_has_written(tmp_path: Path) -> None:
     for _ in range(2):
         assert not begin(tmp_path, FIRST)

@@ -9,6 +9,9 @@ import pytest
 
 from evaluation.metrics.intervals import Estimate
 from evaluation.results.files import ResultsError
+from evaluation.studies.answers.command import ask
+from evaluation.studies.answers.gain import Gain
+from evaluation.studies.answers.study import Sample
 from evaluation.studies.comparison_page import page as comparison_page
 from evaluation.studies.comparison_page.page import comparison_content
 from evaluation.studies.logged import most_telling
@@ -61,6 +64,36 @@ def test_replays_are_those_of_the_runs_behind_the_points(logged: Path) -> None:
         assert views[line.log].account.collided == (line.outcome == "contact")
     # the two widths differ, so that a replay of the other would be seen
     assert len({line.outcome for line in lines}) > 1
+
+
+def test_points_of_a_study_open_their_own_runs(tmp_path: Path) -> None:
+    question = Gain(Sample(count=2), (), presets=("physical",), rules=("paper",))
+    results = ask(question, tmp_path, quiet=True, logs=True)
+    content = comparison_content(tmp_path / question.name)
+    assert content.comparison is not None
+    views = {view.log: view for view in content.runs}
+    points = content.comparison.points
+    assert len(points) == len(results.runs)
+    assert len(views) == 4 * len(points)
+    for point, (arm, runs) in zip(points, results.runs.items(), strict=True):
+        by_scene = dict(zip((scene.name for scene in results.scenes), runs, strict=True))
+        assert len(point.lines) == 4
+        for line in point.lines:
+            scene = line.title.rpartition(", ")[2]
+            assert scene in line.log
+            assert views[line.log].strategy == arm.strategy
+            assert views[line.log].title.startswith(f"{point.name.split(', preset')[0]}, ")
+            assert views[line.log].account.collided == by_scene[scene].collided
+    # the rivals differ, so that a replay of another would be seen
+    assert (
+        len(
+            {
+                tuple(run.collided for run in runs) + tuple(run.unnecessary_stop for run in runs)
+                for runs in results.runs.values()
+            }
+        )
+        > 1
+    )
 
 
 def test_what_is_too_much_for_a_page_is_said(logged: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evaluation.metrics.intervals import poisson_mean
+from evaluation.studies.comparison_page.page import comparison_content
 from evaluation.studies.drive.drive import DriveSpec
 from evaluation.studies.drive.measures import DriveEvent, DriveRow, total_of
 from evaluation.studies.drive.recordings import Source, data_sets_of
@@ -303,8 +304,22 @@ def test_command_compares_on_drives(
     assert "6 drives, 6 of them from before" in again.out
     shown = run("report", out)
     assert shown.status == 0
-    assert "A comparison on drives keeps no logs; smartmot-eval drive makes them" in shown.err
+    assert "Without logs there are no replays behind the points; compare --drives --logs" in shown.err
     assert (out / "report.html").is_file()
+    logged = run(
+        "compare", "--drives", data, "--strategies", "path,rectangular", "--out", out, *asked, "--logs"
+    )
+    assert "logs of 1 of 1 drives by all sides, 300 logs at most" in " ".join(logged.out.split())
+    content = comparison_content(out)
+    assert content.comparison is not None
+    points, views = content.comparison.points, {view.log: view for view in content.runs}
+    assert len(points) == len(views) == 6
+    assert {line.log for point in points for line in point.lines} == set(views)
+    for point in points:  # a point opens the drive of its own rule and area
+        (line,) = point.lines
+        strategy, rule, *_ = point.name.split(", ")
+        assert views[line.log].title.startswith(strategy)
+        assert rule in views[line.log].title
 
 
 @pytest.mark.parametrize(
