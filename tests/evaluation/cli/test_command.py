@@ -457,7 +457,7 @@ MISTAKES = {
     "plot of an empty folder": (["plot", "folder"], "folder"),
     "map missing": (["map", "nope.xodr"], "nope.xodr: cannot be opened"),
     "map strategy": (
-        ["map", "urban_street", "--strategy", "x"],
+        ["map", "urban_street", "--strategy", "x", "--at", "1,-1,100", "--png", "x.png"],
         "--strategy: unknown 'x'; use one of: rectangular",
     ),
     "map road": (["map", "urban_street", "--at", "5,-1,10"], "the map has no road '5'"),
