@@ -193,7 +193,7 @@ def test_rows_of_a_journal_larger_than_the_memory_pass_through(tmp_path: Path) -
                 strategy = ("map", "all")[number % 2]
                 own = line.replace('"key": "0"', f'"key": "{number:024x}"')
                 journal.write(own.replace('"strategy": "map"', f'"strategy": "{strategy}"') + "\n")
-    limit = 80 << 20
+    limit = 64 << 20
     assert (tmp_path / "many" / RUNS).stat().st_size > 1.5 * limit
     words = [sys.executable, "-c", _STREAMS, str(limit)]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
