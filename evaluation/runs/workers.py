@@ -173,7 +173,7 @@ def start_early(processes: int | None, module: str) -> None:
     from multiprocessing import forkserver
 
     with _clean_start(), suppress(OSError):  # a pool that cannot be started says so itself
-        forkserver.set_forkserver_preload([module])
+        forkserver.set_forkserver_preload([module, *LATE])
         forkserver.ensure_running()
 
 

@@ -17,7 +17,7 @@ from evaluation.errors import ArgumentError
 
 GROUP = typer.main.get_command(app)
 VALUES = {
-    "question": ("gain", "break-even", "sensor", "trigger", "tune", "lidar", "worst"),
+    "question": ("gain", "break-even", "sensor", "trigger", "severity", "tune", "lidar", "worst"),
     "source": ("scenes", "crops"),
     "form": ("simbev", "nuscenes", "kitti", "openscenario"),
     "protocol": ("2023", "2026", "ancap", "paper", "r152", "fmvss127"),
@@ -148,7 +148,7 @@ SAMPLES = {
     "ego": "4,2", "columns": "x_m=x", "frame_rate": "5", "sequence": "1", "map_file": "x.xodr",
     "source": "crops", "layout": "nuscenes", "height": "2", "crops": ".", "background": ".",
     "scenario": "crossing", "perception": "cutout", "street": "furnished", "street_density": "0.5",
-    "street_seed": "7",
+    "street_seed": "7", "weights": "1,2,3",
 }  # fmt: skip
 NEEDS = {
     "perception": ["--sensor", "hdl32"], "street": ["--sensor", "hdl32"],
