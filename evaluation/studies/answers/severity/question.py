@@ -46,7 +46,7 @@ class Cost:
 
     Args:
         arm: the side.
-        avoided, stops: rates, as in the other questions.
+        avoided, stops, early: rates, as in the other questions.
         weighed: mean severity over all nothing scenes, 0 where there was no unnecessary stop.
         lost_kmh, peak_mps2, rear: means over the unnecessary stops: speed lost, peak deceleration, share of
             the followers who would touch the ego.
@@ -63,6 +63,7 @@ class Cost:
     rear: Estimate
     closing_kmh: Estimate
     rear_brake: Estimate
+    early: Estimate
 
     @property
     def benefit(self) -> Estimate:
@@ -197,6 +198,7 @@ def cost_of(results: Results, arm: Arm, weights: Weights) -> Cost:
         _share([run.rear_share or 0.0 for run in stops]),
         mean_t([run.rear_closing_kmh or 0.0 for run in stops if run.rear_share]),
         _share([run.rear_share or 0.0 for must, run in runs if must == "brake"]),
+        results.estimate(arm, "early"),
     )
 
 
@@ -280,13 +282,14 @@ def _costs_table(costs: Sequence[Cost]) -> Table:
     header = (
         "who", "avoided (%)", "unnecessary stops (%)", "weighed stops (%)", "avoided less weighed (points)",
         "speed lost (km/h)", "peak deceleration (m/s²)", "followers who touch (%)", "closing speed (km/h)",
-        "followers who touch, must-brake (%)",
+        "followers who touch, must-brake (%)", "early activations (%)",
     )  # fmt: skip
     rows = tuple(
         (
             cost.arm.name, interval_text(cost.avoided, "avoided"), interval_text(cost.stops, "stops"),
             _percent(cost.weighed), points_text(cost.benefit), _mean(cost.lost_kmh), _mean(cost.peak_mps2),
             _percent(cost.rear), _mean(cost.closing_kmh), _percent(cost.rear_brake),
+            interval_text(cost.early, "early"),
         )
         for cost in costs
     )  # fmt: skip
@@ -325,7 +328,17 @@ def _changes_table(changes: Sequence[Change]) -> Table:
 
 
 def _costs_csv(costs: Sequence[Cost]) -> bytes:
-    names = ("avoided", "stops", "weighed", "lost_kmh", "peak_mps2", "rear", "closing_kmh", "rear_brake")
+    names = (
+        "avoided",
+        "stops",
+        "weighed",
+        "lost_kmh",
+        "peak_mps2",
+        "rear",
+        "closing_kmh",
+        "rear_brake",
+        "early",
+    )
     rows = [
         (cost.arm.preset, cost.arm.rule, cost.arm.strategy, name, e.value, e.low, e.high, e.count)
         for cost in costs
