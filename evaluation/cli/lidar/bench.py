@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 import time
 from typing import Annotated
 
@@ -28,6 +27,8 @@ def command(
     quiet: options.Quiet = False,
 ) -> None:
     """Milliseconds of each stage of a detector, with points, boxes and the host's processor."""
+    import statistics
+
     import rich.console
 
     from evaluation.cli.output import counting

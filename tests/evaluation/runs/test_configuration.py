@@ -119,16 +119,23 @@ def test_what_a_command_stored_is_used(made: Callable[[Path], Path], tmp_path: P
 # ---- what is stored ----------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def own(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a scenario, its catalogs and its map, and results of it in a folder beside."""
-    inputs = tmp_path / "project" / "inputs"
-    inputs.parent.mkdir()
+    project = tmp_path_factory.mktemp("made") / "project"
+    inputs = project / "inputs"
+    project.mkdir()
     shutil.copytree(FIELD / "good", inputs, ignore=shutil.ignore_patterns("runs.*", "logs"))
     options = ["--strategy", "map", "--preset", "physical", "--no-pictures", "--workers", "1"]
-    out = tmp_path / "project" / "results"
-    call("run", inputs / "cpna_paper.xosc", "--param", "Ego_speed_kmh=30", *options, "--out", out)
-    return out
+    scenario = inputs / "cpna_paper.xosc"
+    call("run", scenario, "--param", "Ego_speed_kmh=30", *options, "--out", project / "results")
+    return project
+
+
+@pytest.fixture
+def own(project: Path, tmp_path: Path) -> Path:
+    """The results of a copy of that folder."""
+    return shutil.copytree(project, tmp_path / "project") / "results"
 
 
 def test_the_configuration_has_everything_that_determines_a_run(own: Path) -> None:
