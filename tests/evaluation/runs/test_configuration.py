@@ -61,7 +61,7 @@ def made_by_ncap(out: Path) -> Path:
 
 def made_by_compare(out: Path) -> Path:
     options = ["--strategies", "map", "--vary", "margin_m=1.8", "--seeds", "1", "--workers", "1", "--logs"]
-    call("compare", "--scenes", "crosses in a bend", *options, "--out", out)
+    call("compare", "--scenes", "two at once", *options, "--out", out)
     return out / "runs"
 
 
