@@ -91,7 +91,7 @@ def are_covariances(pose_covariance: FloatArray) -> bool:
 
 def _unchanged(given: NDArray[Any], dtype: type, name: str) -> None:
     """Refuse what would become another number or truth value: 1.5 as an identifier, NaN as a truth value."""
-    if not given.size:
+    if not given.size or given.dtype == dtype:
         return
     if dtype is np.bool_:
         if given.dtype.kind not in "biuf" or not ((given == 0) | (given == 1)).all():

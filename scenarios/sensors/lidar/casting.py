@@ -150,7 +150,7 @@ def cast(
         ScenarioError: compiled loops are asked for and numba is missing.
     """
     level = ground if isinstance(ground, float | int) else -math.inf
-    hits = _caster(compiled)(rays, motion, bodies, level, sectors(rays, motion, bodies))
+    hits = caster(compiled)(rays, motion, bodies, level, sectors(rays, motion, bodies))
     return _on_relief(hits, rays, motion, ground) if isinstance(ground, Relief) else hits
 
 
@@ -260,7 +260,8 @@ Caster = Callable[[RayTable, Motion, Bodies, float, Sectors], Hits]
 """See `cast_arrays`."""
 
 
-def _caster(compiled: bool | None) -> Caster:
+def caster(compiled: bool | None) -> Caster:
+    """Compiled loops or array operations, see `cast`; both try each body with the rays of its sector alone."""
     if compiled is None:
         compiled = find_spec("numba") is not None
     if not compiled:

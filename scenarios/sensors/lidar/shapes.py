@@ -42,7 +42,7 @@ class Parts:
         center = frozen(self.center_m, np.float64, (count, 3), "center_m")
         half = frozen(self.half_m, np.float64, (count, 3), "half_m")
         reflectivity = frozen(self.reflectivity, np.float64, (count,), "reflectivity")
-        if not np.isin(kind, KINDS).all():
+        if count and not (kind.min() >= KINDS[0] and kind.max() <= KINDS[-1]):
             raise ShapeError(f"kind: expected numbers from 0 to {KINDS[-1]}, got {kind.tolist()}")
         if not (np.isfinite(center).all() and np.isfinite(half).all() and (half > 0.0).all()):
             raise ShapeError("parts: centres must be finite, extents finite and positive")

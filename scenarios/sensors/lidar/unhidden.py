@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 
 from scenarios.sensors.lidar.bodies import road_users
-from scenarios.sensors.lidar.casting import Motion, RayTable, cast, sectors
+from scenarios.sensors.lidar.casting import Motion, RayTable, caster, sectors
 from scenarios.sensors.lidar.config import LidarConfig
 from scenarios.sensors.lidar.sensor import ray_table
 from smartmot.arrays import IntArray, StrArray
@@ -28,15 +31,24 @@ def unhidden_points(
     bottom = np.column_stack((boxes.center_m[:, :2], boxes.bottom_m))
     bodies, still = road_users(category, boxes.size_m, bottom, boxes.yaw_rad), Motion(0.0)
     reached = sectors(table, still, bodies)
-    counts = np.zeros(len(boxes), dtype=np.int64)
+    slope, rows = table.slope, []
     for body, (first, last) in enumerate(zip(reached.first.tolist(), reached.last.tolist(), strict=True)):
         # the second range lies beyond an azimuth of pi, at the table's beginning
-        rows = np.concatenate([np.arange(first[k], last[k]) for k in (1, 0)])
-        part = RayTable(table.direction[rows], table.time_s[rows])
-        hits = cast(part, still, bodies.take(np.array([body])), None)
-        met = (hits.range_m >= config.blind_m) & (hits.range_m <= config.range_m)
-        if above_m > 0.0:
-            height_m = np.where(met, hits.range_m, 0.0) * part.direction[:, 2]
-            met &= height_m >= boxes.bottom_m[body] + above_m
-        counts[body] = met.sum()
+        own = np.concatenate([np.arange(first[k], last[k]) for k in (1, 0)])
+        low, high = reached.low_slope[body], reached.high_slope[body]
+        rows.append(own[(slope[own] >= low) & (slope[own] <= high)])
+    if not rows:
+        return np.zeros(0, dtype=np.int64)
+    # rays of one body after those of another, and each body is tried with its own alone
+    row, count = np.concatenate(rows), np.array([len(own) for own in rows])
+    last = np.column_stack((np.cumsum(count), np.zeros_like(count)))
+    tried = replace(reached, first=last - np.column_stack((count, np.zeros_like(count))), last=last)
+    own_rays = RayTable(table.direction[row], np.zeros(len(row)))
+    range_m = caster(None)(own_rays, still, bodies, -math.inf, tried).range_m
+    met = (range_m >= config.blind_m) & (range_m <= config.range_m)
+    body = np.repeat(np.arange(len(boxes)), count)
+    if above_m > 0.0:
+        height_m = np.where(met, range_m, 0.0) * own_rays.direction[:, 2]
+        met &= height_m >= boxes.bottom_m[body] + above_m
+    counts: IntArray = np.bincount(body[met], minlength=len(boxes))
     return counts
