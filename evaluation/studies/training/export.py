@@ -29,6 +29,7 @@ def onnx_bytes(
     decoder: Decoder,
     scale: Sequence[float],
     offset: Sequence[float],
+    least_score: Sequence[float],
     origin: dict[str, Any],
 ) -> bytes:
     """A network as the bytes of an ONNX file.
@@ -38,6 +39,7 @@ def onnx_bytes(
         decoder: its grid and classes.
         scale: factor of the logits of each class's scores.
         offset: added to them.
+        least_score: of boxes of each class that count.
         origin: how it was made, for the file's metadata.
     """
     import onnx
@@ -60,7 +62,8 @@ def onnx_bytes(
     noted = (*graph.node, *graph.value_info, *graph.input, *graph.output, *graph.initializer)
     for entry in (model, graph, *noted):
         del entry.metadata_props[:]
-    onnx.helper.set_model_props(model, {METADATA: metadata(decoder, list(scale), list(offset), origin)})
+    said = metadata(decoder, list(scale), list(offset), list(least_score), origin)
+    onnx.helper.set_model_props(model, {METADATA: said})
     return streamlined(model.SerializeToString(deterministic=True))
 
 

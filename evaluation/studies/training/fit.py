@@ -6,6 +6,7 @@ import hashlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -135,10 +136,17 @@ class Training:
         Raises:
             TrainingError: a loss is not finite; the last checkpoint stays as it is.
         """
+        # a thread makes the batch of the next step meanwhile
+        with ThreadPoolExecutor(1) as maker:
+            self._run(report, maker)
+
+    def _run(self, report: Callable[[Progress, float], None], maker: ThreadPoolExecutor) -> None:
         validated = math.floor(self.share * VALIDATIONS)
+        made = maker.submit(self._batch, self.progress.step)
         while self.share < 1.0:
             start_s = time.perf_counter()
-            row = self._step()
+            now, made = made.result(), maker.submit(self._batch, self.progress.step + 1)
+            row = self._step(now)
             self.progress.step += 1
             self.progress.elapsed_s += time.perf_counter() - start_s
             row = {"step": self.progress.step, "elapsed_s": round(self.progress.elapsed_s, 3), **row}
@@ -192,15 +200,20 @@ class Training:
         output: torch.Tensor = self.network(features, cell, len(made.names), made.shape)
         return output
 
-    def _step(self) -> dict[str, float]:
+    def _batch(self, step: int) -> Batch:
+        """Changed windows of frames drawn for a step."""
         options = self.options
         # of the step alone, so that a training that is taken up again goes on as it would have
-        rng = np.random.default_rng((options.seed, self.progress.step))
+        rng = np.random.default_rng((options.seed, step))
         chosen = [self.train[k] for k in rng.integers(0, len(self.train), options.frames_per_step).tolist()]
         pairs = [
             changed_window(frame, Changes(), rng, self.decoder, options.least_points) for frame in chosen
         ]
-        made = batch([part for part, _ in pairs], [own for _, own in pairs], options.least_points)
+        return batch([part for part, _ in pairs], [own for _, own in pairs], options.least_points)
+
+    def _step(self, made: Batch) -> dict[str, float]:
+        """Learn from a batch."""
+        options = self.options
         rate = _rate(self.share, options.rate)
         for group in self.optimizer.param_groups:
             group["lr"] = rate

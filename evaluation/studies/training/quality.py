@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.optimize import minimize
 
@@ -56,7 +58,7 @@ def _counts_at(center_m: FloatArray, grid: PillarGrid) -> BoolArray:
 def calibrated(score: FloatArray, is_right: BoolArray) -> tuple[float, float]:
     """Factor and offset of logits that make scores probabilities of being right (Platt, 1999).
 
-    Identity where all or none are right.
+    Identity where all or none are right, or where higher scores are not more often right.
     """
     if len(score) < 20 or is_right.all() or not is_right.any():
         return 1.0, 0.0
@@ -70,4 +72,17 @@ def calibrated(score: FloatArray, is_right: BoolArray) -> tuple[float, float]:
         return float((np.logaddexp(0.0, margin) - wanted * margin).mean())
 
     solution = minimize(loss, np.array([1.0, 0.0]), method="Nelder-Mead").x
-    return float(solution[0]), float(solution[1])
+    return (float(solution[0]), float(solution[1])) if solution[0] > 0.0 else (1.0, 0.0)
+
+
+def rescored(boxes: ScoredBoxes, scale: float, offset: float) -> ScoredBoxes:
+    """Boxes with calibrated scores, see `calibrated`; -inf stays what it is."""
+
+    def probability(score: FloatArray) -> FloatArray:
+        raw = np.clip(score, 1e-6, 1.0 - 1e-6)
+        made: FloatArray = 1.0 / (1.0 + np.exp(-scale * np.log(raw / (1.0 - raw)) - offset))
+        return np.where(np.isfinite(score), made, score)
+
+    scores = (boxes.score, boxes.label_score, boxes.touched_score)
+    score, of_label, touched = (probability(each) for each in scores)
+    return replace(boxes, score=score, label_score=of_label, touched_score=touched)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +65,7 @@ class LabelledFrame:
 
     name: str
     points: NDArray[np.float32]
-    line: IntArray
+    line: NDArray[np.integer[Any]]
     boxes: Boxes3D
     category: StrArray
     counts: IntArray

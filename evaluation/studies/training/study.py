@@ -20,9 +20,10 @@ from evaluation.studies.training import NETWORK
 from evaluation.studies.training.export import greatest_difference, onnx_bytes
 from evaluation.studies.training.fit import CHECKPOINT, Progress, Training, TrainingOptions
 from evaluation.studies.training.graphs import write_network
-from evaluation.studies.training.quality import calibrated
+from evaluation.studies.training.quality import calibrated, rescored
 from evaluation.studies.training.samples import LabelledFrame, labelled_frame
 from smartmot.lidar.learned import Decoder, PillarGrid
+from smartmot.lidar.learned.network_file import LEAST_SCORE
 
 CARD = "card.json"
 
@@ -89,27 +90,31 @@ def train(
     """Train to the end, or go on where a training of the same frames and options stopped; write the network.
 
     Returns:
-        The training, and by class the boxes of the held-out frames.
+        The training, and by class the boxes of the held-out frames with calibrated scores.
     """
     decoder = Decoder(PillarGrid(), CLASSES)
     training = Training(folder, decoder, options, frames.train, frames.held_out, start)
     training.run(report)
-    boxes = training.boxes(frames.held_out)
-    write_card(folder, training, boxes)
-    return training, boxes
+    return training, write_card(folder, training, training.boxes(frames.held_out))
 
 
-def write_card(folder: Path, training: Training, boxes: dict[str, ScoredBoxes]) -> None:
-    """Write the network as ONNX, with scores calibrated on the held-out frames, and what is known of it."""
-    pairs = [calibrated(each.score, each.is_true) for each in boxes.values()]
+def write_card(folder: Path, training: Training, raw: dict[str, ScoredBoxes]) -> dict[str, ScoredBoxes]:
+    """Write the network as ONNX, with what the held-out frames say of its scores, and what is known of it.
+
+    Returns:
+        By class, the boxes of the held-out frames with calibrated scores.
+    """
+    pairs = [calibrated(each.score, each.is_true) for each in raw.values()]
     scale, offset = [a for a, _ in pairs], [b for _, b in pairs]
+    boxes = {name: rescored(each, *pair) for (name, each), pair in zip(raw.items(), pairs, strict=True)}
+    least_score = [each.best()[1] if each.labels else LEAST_SCORE for each in boxes.values()]
     origin = {
         "training": training.key,
         "steps": training.progress.step,
         "frames": len(training.train),
         "seed": training.options.seed,
     }
-    content = onnx_bytes(training.network, training.decoder, scale, offset, origin)
+    content = onnx_bytes(training.network, training.decoder, scale, offset, least_score, origin)
     difference = greatest_difference(training.network, content, training.held_out[:10], training.decoder)
     if not difference <= TOLERANCE:
         raise ArgumentError(
@@ -129,6 +134,7 @@ def write_card(folder: Path, training: Training, boxes: dict[str, ScoredBoxes]) 
         "held_out": {name: _best(each) for name, each in boxes.items()},
     }
     (folder / CARD).write_text(json.dumps(card, indent=1) + "\n", encoding="utf-8")
+    return boxes
 
 
 def _best(boxes: ScoredBoxes) -> dict[str, float]:

@@ -54,12 +54,14 @@ class Decoder:
         rows, columns = self.grid.shape
         return len(self.classes) + len(CHANNELS), rows // STRIDE, columns // STRIDE
 
-    def decode(self, output: NDArray[np.float32], least_score: float) -> tuple[Boxes3D, FloatArray, StrArray]:
+    def decode(
+        self, output: NDArray[np.float32], least_score: float | FloatArray
+    ) -> tuple[Boxes3D, FloatArray, StrArray]:
         """Boxes, centres' heights over the ground, with scores and classes, the surest first.
 
         Args:
             output: (C, R, L) logits of the classes' scores, then `CHANNELS`.
-            least_score: boxes of lower scores are left out.
+            least_score: boxes of lower scores are left out; of all classes, or (C,) of each.
 
         Raises:
             ShapeError: the output has another shape.
@@ -89,14 +91,17 @@ class Decoder:
         return boxes[kept], score[kept], category
 
 
-def _peaks(maps: NDArray[np.float32], least_score: float) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+def _peaks(
+    maps: NDArray[np.float32], least_score: float | FloatArray
+) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
     """Map, row, column and logit of each cell that is high enough and as high as the four beside it.
 
     Cells at its corners may be higher: two people of a group are often in such cells. Where both are of one
     body their boxes overlap.
     """
-    least = np.log(max(least_score, 1e-6) / max(1.0 - least_score, 1e-9))
-    which, row, column = np.unravel_index(np.flatnonzero(maps.ravel() >= least), maps.shape)
+    score = np.broadcast_to(np.asarray(least_score, dtype=np.float64), len(maps))
+    least = np.log(np.maximum(score, 1e-6) / np.maximum(1.0 - score, 1e-9))
+    which, row, column = np.nonzero(maps >= least[:, None, None])
     logit = maps[which, row, column]
     is_peak = np.ones(len(logit), dtype=np.bool_)
     for i, j in ((0, -1), (-1, 0), (1, 0), (0, 1)):

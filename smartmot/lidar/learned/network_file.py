@@ -1,7 +1,8 @@
 """Networks as ONNX files that say themselves how clouds go in and what comes out.
 
 The metadata `smartmot` of a file is a JSON object: `version`, `grid` (`PillarGrid`), `classes`, `overlap`,
-`score_scale` and `score_offset` (of the logits, by class), and what it was made from.
+`score_scale` and `score_offset` (of the logits, by class), `least_score` (by class, where a file says it), and
+what it was made from.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import _smartmot
+from smartmot.arrays import FloatArray
 from smartmot.errors import ConfigError
 from smartmot.lidar.learned.decoding import Decoder
 from smartmot.lidar.learned.pillars import FEATURES, PillarGrid, Pillars
@@ -36,6 +38,9 @@ EXTERNAL = b"\n\x08location"
 """Of every tensor whose values are in another file: the key that names it, as ONNX writes it (onnx.proto3,
 `TensorProto.external_data`)."""
 
+LEAST_SCORE = 0.3
+"""Of boxes of networks that say none: trackers here drop those under it."""
+
 LARGEST_BYTES = 200_000_000
 """Of a file; networks for a processor have some megabytes."""
 
@@ -47,7 +52,8 @@ class LearnedConfig:
     Args:
         path: the ONNX file.
         digest: SHA-256 of the file, in hexadecimal digits; empty: taken from the file.
-        least_score: boxes with a lower score are left out.
+        least_score: boxes with a lower score are left out; None: what the file says of each class, see
+            `Network.least_score`.
 
     Raises:
         ConfigError: the file is missing, is no network of this form, or not the one with that digest.
@@ -55,10 +61,10 @@ class LearnedConfig:
 
     path: Path
     digest: str = ""
-    least_score: float = 0.3
+    least_score: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.least_score <= 1.0:
+        if self.least_score is not None and not 0.0 <= self.least_score <= 1.0:
             raise ConfigError(f"least_score: must lie in [0, 1], got {self.least_score:g}")
         digest = hashlib.sha256(_content(self.path)).hexdigest()
         if self.digest not in ("", digest):
@@ -80,6 +86,8 @@ class Network:
         decoder: makes boxes of its output.
         score_scale: (C,) factor of the logits of each class's scores, by which they are calibrated.
         score_offset: (C,) added to them.
+        least_score: (C,) of boxes of each class that count, in [0, 1]: at which F1 is greatest on frames that
+            were held out from the training, or `LEAST_SCORE`.
         origin: what the file says of how it was made.
     """
 
@@ -87,6 +95,7 @@ class Network:
     decoder: Decoder
     score_scale: NDArray[np.float32]
     score_offset: NDArray[np.float32]
+    least_score: FloatArray
     origin: dict[str, Any]
 
     @property
@@ -117,7 +126,11 @@ class Network:
 
 
 def metadata(
-    decoder: Decoder, score_scale: list[float], score_offset: list[float], origin: dict[str, Any]
+    decoder: Decoder,
+    score_scale: list[float],
+    score_offset: list[float],
+    least_score: list[float],
+    origin: dict[str, Any],
 ) -> str:
     """The text that a file carries about itself."""
     content = {
@@ -127,6 +140,7 @@ def metadata(
         "overlap": decoder.overlap,
         "score_scale": score_scale,
         "score_offset": score_offset,
+        "least_score": least_score,
         "origin": origin,
     }
     return json.dumps(content, sort_keys=True)
@@ -186,6 +200,7 @@ def _described(path: Path, session: Any, text: str) -> Network:
         scale, offset = (
             np.array(content[name], dtype=np.float32) for name in ("score_scale", "score_offset")
         )
+        least = np.array(content.get("least_score", [LEAST_SCORE] * len(classes)), dtype=np.float64)
         overlap = float(content["overlap"])
         origin = dict(content["origin"])
         is_known = bool(classes) and set(classes) <= set(CATEGORIES) and len(set(classes)) == len(classes)
@@ -204,9 +219,14 @@ def _described(path: Path, session: Any, text: str) -> Network:
             f"{path}: its classes must be some of {', '.join(CATEGORIES)}, each once and with a finite scale "
             f"and offset; got {classes}"
         )
+    if least.shape != (len(classes),) or not ((least >= 0.0) & (least <= 1.0)).all():
+        raise ConfigError(
+            f"{path}: its metadata is damaged: least_score must be a number in [0, 1] for each of {classes}; "
+            f"got {least.tolist()}"
+        )
     decoder = Decoder(grid, classes, overlap=overlap)
     _require_shapes(path, session, decoder)
-    return Network(session, decoder, scale, offset, origin)
+    return Network(session, decoder, scale, offset, least, origin)
 
 
 def _require_shapes(path: Path, session: Any, decoder: Decoder) -> None:

@@ -37,12 +37,12 @@ def shipped_path(name: str) -> Path:
     return FOLDER / f"{name}.onnx"
 
 
-def shipped_network(name: str = "pillars", least_score: float = 0.3) -> LearnedConfig:
+def shipped_network(name: str = "pillars", least_score: float | None = None) -> LearnedConfig:
     """A shipped network, if size and SHA-256 are those of its card.
 
     Args:
         name: out of `SHIPPED`.
-        least_score: boxes with a lower score are left out.
+        least_score: boxes with a lower score are left out; None: those of the file, see `LearnedConfig`.
 
     Raises:
         ConfigError: there is no such network, or the package is damaged.
