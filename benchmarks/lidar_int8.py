@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.train_lidar import fresh_streets
+from benchmarks.training_frames import fresh_streets
 from evaluation.metrics.detection.from_above import LEAST_OVERLAP, ScoredBoxes, joined
 from evaluation.studies.datasets.reading import read_frames
 from evaluation.studies.detectors.quality import QualityOptions, Truth, matched_frame

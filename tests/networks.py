@@ -73,7 +73,7 @@ def upright_network(decoder: Decoder, slope: float = 4.0) -> bytes:
         [numpy_helper.from_array(value, name) for name, value in constants.items()],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=8)
-    plain = [1.0] * len(classes), [0.0] * len(classes)
+    plain = [1.0] * len(classes), [0.0] * len(classes), [0.3] * len(classes)
     helper.set_model_props(model, {METADATA: metadata(decoder, *plain, {"made": "by hand"})})
     onnx.checker.check_model(model)
     content: bytes = model.SerializeToString()

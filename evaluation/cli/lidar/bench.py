@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from typing import Annotated
 
 import typer
 
 from evaluation.cli import options
-from evaluation.cli.lidar.detect import NETWORK_ENDING, Ahead, Clouds, Topic, parse_ahead, parse_method
+from evaluation.cli.lidar.detect import (
+    NETWORK_ENDING,
+    Ahead,
+    Clouds,
+    Topic,
+    parse_ahead,
+    parse_method,
+    print_notes,
+)
 
 EXAMPLES = options.examples(
     "`smartmot-eval lidar bench training/velodyne`",
@@ -43,12 +52,14 @@ def command(
     known = options.parse_names(others, (*METHODS, *SHIPPED), "--method") if others or not networks else ()
     names = sorted({*known, *networks}, key=words.index)
     console = rich.console.Console()
-    read, spent_s = [], []
+    read, spent_s, notes = [], [], Counter[str]()
     start_s = time.thread_time()
     for named in clouds_of(clouds, topic, parse_ahead(ahead)):
         spent_s.append(time.thread_time() - start_s)
         read.append(named)
+        notes.update(named.notes)
         start_s = time.thread_time()
+    print_notes(notes, len(read))
     points = sorted(len(named.cloud) for named in read)
     with counting("measuring", quiet) as done:
         tables = []

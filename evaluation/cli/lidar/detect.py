@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     import rich.console
 
     from evaluation.metrics.mot import MotScore
-    from evaluation.studies.lidar.detect import Account
     from smartmot.lidar import DetectorConfig
 
 EXAMPLES = options.examples(
@@ -67,7 +67,8 @@ def command(
     score_min: Annotated[
         float | None,
         typer.Option(
-            help="Leave out boxes with a lower score. Default: 0.3, under which trackers drop them.",
+            help="Leave out boxes with a lower score. Default: what a network says of each class, else 0.3, "
+            "under which trackers drop them.",
             min=0.0,
             max=1.0,
         ),
@@ -100,6 +101,7 @@ def command(
         cloud_count,
         detected_clouds,
         stage_table,
+        times_line,
         write_labels,
     )
     from evaluation.studies.mot.tables import MOT_MEASURES, sides_of_scores
@@ -131,13 +133,12 @@ def command(
         writer.finish()
         if labels is not None and calibrations is not None:
             write_labels(labels, calibrations, writer)
-        _print_notes(account)
+        print_notes(account.notes, account.clouds)
         if stages:
             console.print(rich_table(stage_table(account), texts=1))
         counts = ", ".join(f"{name} {count}" for name, count in sorted(account.boxes.items())) or "none"
         console.print(
-            f"{account.clouds} clouds, {account.points} points; boxes: {counts}; "
-            f"{account.median_ms:.1f} ms of processor time a cloud",
+            f"{account.clouds} clouds, {account.points} points; boxes: {counts}; {times_line(account)}",
             highlight=False,
             soft_wrap=True,
         )
@@ -174,9 +175,10 @@ def parse_method(method: str, score_min: float | None) -> DetectorConfig:
     from smartmot.lidar.learned import SHIPPED, shipped_network
 
     if method.endswith(NETWORK_ENDING) or method in SHIPPED:
-        least = 0.3 if score_min is None else score_min
         network = (
-            shipped_network(method, least) if method in SHIPPED else LearnedConfig(Path(method), "", least)
+            shipped_network(method, score_min)
+            if method in SHIPPED
+            else LearnedConfig(Path(method), "", score_min)
         )
         _ = network.network  # loaded now: what is wrong with it is said before any cloud is read
         return network
@@ -188,9 +190,10 @@ def parse_method(method: str, score_min: float | None) -> DetectorConfig:
     return ClassicalConfig(least_score=score_min)
 
 
-def _print_notes(account: Account) -> None:
-    for note, times in account.notes.items():
-        line = f"{note} ({times} clouds)" if account.clouds > 1 else note
+def print_notes(notes: Counter[str], clouds: int) -> None:
+    """Say on stderr what is to be said of clouds, and of how many."""
+    for note, times in notes.items():
+        line = f"{note} ({times} clouds)" if clouds > 1 else note
         typer.echo(f"smartmot-eval: {one_line(line)}", err=True)
 
 

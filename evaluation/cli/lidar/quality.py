@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -36,7 +37,14 @@ def command(
     ] = 5,
     near: Annotated[float, typer.Option("--from", help="Least distance that counts, m.", min=0.0)] = 0.0,
     far: Annotated[float, typer.Option("--to", help="Greatest distance that counts, m.", min=0.0)] = 40.0,
-    score: Annotated[float, typer.Option(help="Least score of a box.", min=0.0, max=1.0)] = 0.3,
+    score: Annotated[
+        float | None,
+        typer.Option(
+            help="Least score of a box. Default: what a network says of each class, else 0.3.",
+            min=0.0,
+            max=1.0,
+        ),
+    ] = None,
     fail_on: options.FailOn = None,
     junit: options.Junit = None,
     quiet: options.Quiet = False,
@@ -44,29 +52,47 @@ def command(
     """Count right and false boxes of a detector on labelled clouds, from above."""
     import rich.console
 
+    from evaluation.metrics.detection.from_above import LEAST_OVERLAP
     from evaluation.results.gates import measures_of_table, sides_of_table
     from evaluation.results.tables import rich_table
     from evaluation.studies.datasets.reading import read_frames
-    from evaluation.studies.detectors.quality import QualityOptions, Truth, measured_quality, quality_table
+    from evaluation.studies.detectors.quality import (
+        QualityOptions,
+        Truth,
+        least_scores,
+        measured_quality,
+        quality_table,
+    )
+    from evaluation.studies.lidar.detect import times_line
     from smartmot.lidar import PlainConfig
 
     if not near < far:
         raise ArgumentError(f"--from {near:g} --to {far:g}: nothing lies between them")
     config = parse_method(method, None)
+    least = least_scores(config) if score is None else dict.fromkeys(LEAST_OVERLAP, score)
     if not isinstance(config, PlainConfig):
-        config = parse_method(method, min(LEAST_BOX_SCORE, score))
+        config = parse_method(method, min(LEAST_BOX_SCORE, *least.values()))
     splits = None if split is None else {name.strip() for name in split.split(",")}
-    frames = (
-        Truth(f.cloud, f.boxes, f.labels.category, None if f.unlabelled is None else f.unlabelled.covers)
-        for f in read_frames(data)
-        if splits is None or f.split in splits
-    )
+    dropped = 0
+
+    def truths() -> Iterator[Truth]:
+        nonlocal dropped
+        for frame in read_frames(data):
+            if splits is None or frame.split in splits:
+                dropped += frame.dropped
+                covers = None if frame.unlabelled is None else frame.unlabelled.covers
+                yield Truth(frame.cloud, frame.boxes, frame.labels.category, covers)
+
     asked = QualityOptions(min_points, (near, far))
     with counting("detecting", quiet) as done:
-        boxes, count = measured_quality(frames, config, asked, done)
-    if not count:
+        boxes, account = measured_quality(truths(), config, asked, done)
+    if not account.clouds:
         raise ArgumentError(f"{data}: no frame" + (f" of the splits {split}" if split else ""))
-    table = quality_table(boxes, score, asked)
+    if dropped:
+        typer.echo(f"smartmot-eval: {dropped} points with a value that is not finite dropped", err=True)
+    table = quality_table(boxes, least, asked)
     gate = parse_gate("lidar quality", fail_on, junit, lambda: measures_of_table(table))
-    rich.console.Console(quiet=quiet).print(rich_table(table, f"{count} frames, {method}", texts=1))
+    console = rich.console.Console(quiet=quiet)
+    console.print(rich_table(table, f"{account.clouds} frames, {method}", texts=1))
+    console.print(times_line(account), highlight=False, soft_wrap=True)
     gate.close(lambda: sides_of_table(table))

@@ -80,6 +80,12 @@ def _add(report: Report, frame: DatasetFrame) -> None:
     report.points += len(frame.cloud)
     if not len(frame.cloud):
         report.findings.append(f"{frame.name}: the cloud has no point")
+    if frame.dropped:
+        report.findings.append(f"{frame.name}: {frame.dropped} points with a value that is not finite")
+    try:
+        _ = frame.intensity
+    except DatasetError as error:
+        report.findings.append(str(error))
     counts = frame.point_counts()
     for category, count in zip(frame.labels.category.tolist(), counts.tolist(), strict=True):
         report.label_points[category].append(count)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,12 @@ from scenarios.recorded.kitti import CATEGORY_OF_TYPE
 from scenarios.recorded.kitti_objects.calibration import Calibration, read_calibration
 from scenarios.recorded.kitti_objects.labels import DONT_CARE, read_objects
 from scenarios.recorded.layouts.kitti import SCENES_TXT, boxes_in_lidar
-from scenarios.recorded.layouts.nuscenes import NUSCENES_SE3_OURS
+from scenarios.recorded.layouts.nuscenes import INTENSITY, NUSCENES_SE3_OURS
 from scenarios.recorded.layouts.scenes import SPLITS
 from scenarios.recorded.layouts.sweeps import points_inside
 from scenarios.recorded.nuscenes import CATEGORY_OF_LABEL_CLASS, CLASS_OF_CATEGORY
 from scenarios.recorded.nuscenes_records import read_records, referred
-from scenarios.recorded.poses import quaternion_yaw, rigid, rotation_matrix
+from scenarios.recorded.poses import quaternion_yaw, rigid, rotation_matrix, turned_about
 from scenarios.recorded.simbev.reader import (
     CATEGORY_OF_CLASS,
     LABELS,
@@ -42,6 +43,8 @@ from smartmot.types import BoolArray, FloatArray, IntArray
 
 SIMBEV_CLOUDS = "sweeps/LIDAR"
 
+EIGHT_BITS = 255.0
+"""Greatest of whole numbers that sensors give as strengths of echoes (Velodyne, Livox)."""
 
 DONT_CARE_SHARE = 0.5
 """Of a box's outline in the image: where regions without labels cover more, it counts neither way (KITTI)."""
@@ -83,6 +86,8 @@ class DatasetFrame:
         world_SE3_lidar: (4, 4) pose of the sensor.
         written_count: (K,) points in each box, as the data set says; None: it does not.
         unlabelled: regions without labels; None: all is labelled.
+        dropped: points of the cloud's file with a value that is not finite.
+        greatest_intensity: of an echo, as the layout says it; None: it does not.
     """
 
     name: str
@@ -93,14 +98,30 @@ class DatasetFrame:
     world_SE3_lidar: FloatArray  # noqa: N815 - dst_SE3_src is the field's notation
     written_count: IntArray | None
     unlabelled: Unlabelled | None = None
+    dropped: int = 0
+    greatest_intensity: float | None = None
 
     @property
     def intensity(self) -> FloatArray:
-        """(P,) strengths of the echoes, 0 to 1: nuScenes' are 0 to 255; 0 where the cloud has none."""
-        given = self.cloud.intensity
-        if given is None:
-            return np.zeros(len(self.cloud))
-        return given.astype(np.float64) / (255.0 if given.max(initial=0.0) > 1.0 else 1.0)
+        """(P,) strengths of the echoes, 0 to 1; 0 where the cloud has none.
+
+        Where the layout does not say the greatest, whole numbers are taken to be of 8 bits.
+
+        Raises:
+            DatasetError: they lie outside.
+        """
+        given = np.zeros(len(self.cloud)) if self.cloud.intensity is None else self.cloud.intensity
+        strength = given.astype(np.float64)
+        greatest = self.greatest_intensity
+        if greatest is None:
+            of_bytes = strength.max(initial=0.0) > 1.0 and bool((np.trunc(strength) == strength).all())
+            greatest = EIGHT_BITS if of_bytes else 1.0
+        if not ((strength >= 0.0) & (strength <= greatest)).all():
+            raise DatasetError(
+                f"frame {self.name}: intensities from {strength.min():g} to {strength.max():g}: expected "
+                f"0 to {greatest:g}; divide them by the greatest that the sensor has"
+            )
+        return strength / greatest
 
     @property
     def boxes(self) -> Boxes3D:
@@ -201,8 +222,8 @@ def _kitti_frame(part: Path, name: str, scene: str, split: str) -> DatasetFrame:
         height_m=boxes.size_m[:, 2],
     )
     _require_possible(labels, str(part / "label_2" / f"{name}.txt"))
-    cloud = read_cloud(part / "velodyne" / f"{name}.bin").cloud
-    return DatasetFrame(name, scene, split, cloud, labels, np.eye(4), None, unlabelled)
+    named = read_cloud(part / "velodyne" / f"{name}.bin")
+    return DatasetFrame(name, scene, split, named.cloud, labels, np.eye(4), None, unlabelled, named.dropped)
 
 
 # ---- SimBEV ------------------------------------------------------------------------------------------------
@@ -221,9 +242,24 @@ def _simbev_frames(folder: Path) -> Iterator[DatasetFrame]:
                 file = file_of(root, LABELS, info, "GT_DET", where)
                 labels, counts = frame_labels(file, classes)
                 _require_possible(labels, str(file))
-                cloud = read_cloud(file_of(root, SIMBEV_CLOUDS, info, "LIDAR", where)).cloud
+                named = read_cloud(file_of(root, SIMBEV_CLOUDS, info, "LIDAR", where))
+                cloud, pose = _ahead(named.cloud, ego_SE3_lidar)
                 name = f"{scene}_{info['frame']:04d}"
-                yield DatasetFrame(name, scene, split, cloud, labels, ego @ ego_SE3_lidar, counts)
+                yield DatasetFrame(
+                    name, scene, split, cloud, labels, ego @ pose, counts, dropped=named.dropped
+                )
+
+
+def _ahead(cloud: PointCloud, ego_SE3_lidar: FloatArray) -> tuple[PointCloud, FloatArray]:
+    """A cloud and the (4, 4) pose of its sensor, turned so that x points as the vehicle's does."""
+    yaw = math.atan2(ego_SE3_lidar[1, 0], ego_SE3_lidar[0, 0])
+    if yaw == 0.0:
+        return cloud, ego_SE3_lidar
+    turn = turned_about(2, np.array([yaw]))[0]
+    pose = ego_SE3_lidar.copy()
+    pose[:3, :3] = ego_SE3_lidar[:3, :3] @ turn.T
+    # float64: points on the faces of labels stay on the same side
+    return replace(cloud, xyz_m=cloud.xyz_m.astype(np.float64) @ turn.T), pose
 
 
 def _simbev_lidar(path: Path) -> FloatArray:
@@ -283,12 +319,16 @@ def _nuscenes_frames(tables: Path) -> Iterator[DatasetFrame]:
             )
         fields = ("translation", "rotation")
         pose = _pose(ego, fields, where) @ _pose(calibrated, fields, where) @ NUSCENES_SE3_OURS
-        cloud = read_cloud(root / file).cloud
+        named = read_cloud(root / file)
+        cloud = named.cloud
         turned = (cloud.xyz_m @ NUSCENES_SE3_OURS[:3, :3].astype(cloud.xyz_m.dtype)).astype(cloud.xyz_m.dtype)
         own = PointCloud(turned, cloud.intensity, cloud.ring, frame=cloud.frame)
         labels, counts = _nuscenes_labels(tables, rows, annotations.get(sample["token"], []))
         _require_possible(labels, f"{tables / 'sample_annotation.json'}: sample {sample['token']}")
-        yield DatasetFrame(Path(file).name, scene, splits.get(scene, ""), own, labels, pose, counts)
+        yield DatasetFrame(
+            Path(file).name, scene, splits.get(scene, ""), own, labels, pose, counts,
+            dropped=named.dropped, greatest_intensity=INTENSITY,
+        )  # fmt: skip
 
 
 def _nuscenes_splits(path: Path) -> dict[str, str]:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+import time
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from evaluation.metrics.detection.from_above import LEAST_OVERLAP, ScoredBoxes, joined
 from evaluation.results.tables import Table, fixed
+from evaluation.studies.lidar.detect import Account, DetectedCloud
 from evaluation.studies.training.quality import FARTHEST_M, match_frame
 from smartmot.arrays import BoolArray, FloatArray, IntArray, StrArray
-from smartmot.lidar import BoxDetections, DetectorConfig, detect
+from smartmot.lidar import BoxDetections, DetectorConfig, LearnedConfig, detect
 from smartmot.lidar.learned import PillarGrid
+from smartmot.lidar.learned.network_file import LEAST_SCORE
 from smartmot.pointcloud import Boxes3D, PointCloud
 
 GRID = PillarGrid()
@@ -55,20 +58,32 @@ def measured_quality(
     config: DetectorConfig,
     asked: QualityOptions,
     done: Callable[[int, int | None], None] = lambda k, n: None,
-) -> tuple[dict[str, ScoredBoxes], int]:
-    """By class, a detector's boxes against the labels, and the number of frames.
+) -> tuple[dict[str, ScoredBoxes], Account]:
+    """By class, a detector's boxes against the labels; and the times of all frames.
 
     Raises:
         DatasetError: a frame cannot be read.
         ConfigError: a network cannot be loaded.
     """
     parts: dict[str, list[ScoredBoxes]] = {n: [] for n in LEAST_OVERLAP}
-    number = 0
-    for number, frame in enumerate(frames, 1):
-        for name, matched in matched_frame(frame, detect(frame.cloud, config), asked).items():
+    account = Account()
+    for frame in frames:
+        start_s = time.thread_time()
+        made = detect(frame.cloud, config)
+        account.add(DetectedCloud("", frame.cloud, made, time.thread_time() - start_s))
+        for name, matched in matched_frame(frame, made, asked).items():
             parts[name].append(matched)
-        done(number, None)
-    return {name: joined(part) for name, part in parts.items() if part}, number
+        done(account.clouds, None)
+    return {name: joined(part) for name, part in parts.items() if part}, account
+
+
+def least_scores(config: DetectorConfig) -> dict[str, float]:
+    """By class, the least score of boxes that count: what a network says, else `LEAST_SCORE`."""
+    if not isinstance(config, LearnedConfig):
+        return dict.fromkeys(LEAST_OVERLAP, LEAST_SCORE)
+    network = config.network
+    own = dict(zip(network.decoder.classes, network.least_score.tolist(), strict=True))
+    return {name: own.get(name, LEAST_SCORE) for name in LEAST_OVERLAP}
 
 
 def matched_frame(frame: Truth, made: BoxDetections, asked: QualityOptions) -> dict[str, ScoredBoxes]:
@@ -95,32 +110,48 @@ def _within(center_m: FloatArray, range_m: tuple[float, float]) -> BoolArray:
     return inside
 
 
-def quality_table(boxes: dict[str, ScoredBoxes], least_score: float, asked: QualityOptions) -> Table:
-    """Right, false and missed boxes of each class at a least score, and the best F1 at any."""
+def quality_table(
+    boxes: dict[str, ScoredBoxes], least_score: Mapping[str, float], asked: QualityOptions
+) -> Table:
+    """Right, false and missed boxes of each class at its least score, and the best F1 at any."""
     rows = []
     for name, each in boxes.items():
-        counts = each.counts(least_score)
+        least = least_score[name]
+        counts = each.counts(least)
         right, false = counts.true_positives, counts.false_positives
         f1, at = each.best() if each.labels else (math.nan, math.nan)
         rows.append(
             (
                 name,
                 f"{LEAST_OVERLAP[name]:g}",
+                fixed(least, 2),
                 str(each.labels),
                 str(right),
                 str(false),
                 fixed(right / (right + false) if right + false else math.nan, 3),
                 fixed(right / each.labels if each.labels else math.nan, 3),
-                fixed(each.f1(least_score) if each.labels else math.nan, 3),
+                fixed(each.f1(least) if each.labels else math.nan, 3),
                 fixed(f1, 3),
                 fixed(at, 2),
             )
         )
     low, high = asked.range_m
     caption = (
-        f"Score {least_score:g} or more; overlap from above; labels with {asked.least_points} points or "
+        f"Boxes of at least the score; overlap from above; labels with {asked.least_points} points or "
         f"more, {low:g} to {high:g} m away, ahead and at most {-GRID.left_m[0]:g} m aside. The best F1 is "
         "that of the least score that suits these very frames."
     )
-    header = ("class", "IoU", "labels", "right", "false", "precision", "recall", "F1", "best F1", "at score")
+    header = (
+        "class",
+        "IoU",
+        "score",
+        "labels",
+        "right",
+        "false",
+        "precision",
+        "recall",
+        "F1",
+        "best F1",
+        "at score",
+    )
     return Table(header, tuple(rows), (), caption)

@@ -116,8 +116,21 @@ def clouds_of(paths: Sequence[Path], topic: str | None, ahead: str | None = None
         raise DatasetError(f"{', '.join(map(str, paths))}: no cloud has a point")
 
 
+FAR_AWAY_M = 500.0
+"""Farther than half of the echoes of any LiDAR on a road are."""
+
+
 def _turned(named: NamedCloud, ahead: str) -> NamedCloud:
     notes = tuple(note for note in named.notes if note != AXES_KEPT)
+    if named.dropped:
+        notes = (*notes, "points with a value that is not finite dropped")
+    if not len(named.cloud):
+        notes = (*notes, "clouds without points")
+    elif np.median(np.hypot(*named.cloud.xyz_m[:, :2].T)) > FAR_AWAY_M:
+        notes = (
+            *notes,
+            f"half of the points are over {FAR_AWAY_M:g} m away: expected metres in the sensor's frame",
+        )
     if ahead != "x":
         notes = (*notes, f"the sensor's {ahead} points ahead: clouds and boxes turned, x ahead and y left")
     return replace(named, cloud=cloud_ahead(named.cloud, ahead), notes=notes, ahead=ahead)
@@ -153,10 +166,6 @@ def detected_clouds(
             )
         names.add(named.name)
         account.notes.update(named.notes)
-        if not len(named.cloud):
-            account.notes["clouds without points"] += 1
-        if named.dropped:
-            account.notes["points with a value that is not finite dropped"] += 1
         detected = detected_cloud(named, config)
         account.add(detected)
         yield detected
@@ -178,6 +187,15 @@ def detected_cloud(named: NamedCloud, config: DetectorConfig) -> DetectedCloud:
         )
     spent_s = time.thread_time() - start_s
     return DetectedCloud(named.name, named.cloud, detections, spent_s, named.ahead)
+
+
+def times_line(account: Account) -> str:
+    """Medians of the processor time of a cloud and of its stages, in words."""
+    stages = ", ".join(
+        f"{column[0].name} {1e3 * statistics.median(stage.elapsed_s for stage in column):.1f}"
+        for column in zip(*account.stages, strict=True)
+    )
+    return f"{account.median_ms:.1f} ms of processor time a cloud: {stages}"
 
 
 def stage_table(account: Account) -> Table:

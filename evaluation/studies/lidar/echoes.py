@@ -106,7 +106,7 @@ def smeared(cloud: PointCloud, rng: np.random.Generator) -> PointCloud:
 def _along_lines(azimuth: FloatArray, ring: IntArray) -> IntArray:
     """(P,) points by line, each line by azimuth.
 
-    Each line is sorted by itself: it is nearly in order already, which takes a tenth of the time of all together.
+    Each line is sorted by itself: nearly in order already, it takes a tenth of the time of all together.
     """
     order = np.argsort(ring.astype(np.uint16), kind="stable")
     ends = np.cumsum(np.bincount(ring))

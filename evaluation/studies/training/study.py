@@ -58,8 +58,10 @@ def read_labelled(folder: Path, decoder: Decoder, done: Callable[[int, int | Non
     reach = math.hypot(decoder.grid.ahead_m[1], max(map(abs, decoder.grid.left_m)))
     frames: dict[str, list[LabelledFrame]] = {"train": [], "val": []}
     others = 0
+    dropped = 0
     for number, frame in enumerate(read_frames(folder), 1):
         if frame.split in frames:
+            dropped += frame.dropped
             frames[frame.split].append(
                 labelled_frame(frame.name, frame.cloud, frame.boxes, frame.labels.category, reach)
             )
@@ -72,6 +74,8 @@ def read_labelled(folder: Path, decoder: Decoder, done: Callable[[int, int | Non
     notes = [f"{len(frames['train'])} frames to learn from, {len(frames['val'])} held out"]
     if others:
         notes.append(f"{others} frames of other splits not looked at")
+    if dropped:
+        notes.append(f"{dropped} points with a value that is not finite dropped")
     unknown = sum(
         int((~np.isin(f.category, decoder.classes)).sum()) for part in frames.values() for f in part
     )

@@ -32,14 +32,12 @@ _MOST_BYTES = 2**32
 
 _COLUMNS = ("intensity", "ring", "time_offset_s")
 
-_PLAUSIBLE_M = (1e-6, 1e6)
-"""Coordinates other than 0 of any LiDAR: resolution and range of real ones are three powers of ten inside."""
 _MOST_RINGS, _FEWEST_ROWS = 256, 100
 """More than any LiDAR has lines; and rows from which on every last number is not whole by chance."""
 
-_MOST_IMPLAUSIBLE = 0.1
-"""Share beyond which a file holds something else. Of float64 read as float32, two of three coordinates have
-an exponent of random bits, of which one in six is plausible; of text none is."""
+_MOST_NEGATIVE = 0.05
+"""Share of negative strengths of echoes beyond which they are something else: where rows of three, five, six
+or seven numbers are read as four, every fourth number is a coordinate as often as any other."""
 
 
 def read_bin(path: Path) -> NamedCloud:
@@ -65,19 +63,17 @@ def read_bin(path: Path) -> NamedCloud:
             f"{path}: every fifth number is a small whole one: rows of five numbers, as nuScenes' sweeps "
             f"have them; name the file {NUSCENES_SUFFIX}"
         )
-    xyz = np.abs(np.stack([rows[axis] for axis in "xyz"]))
-    low, high = _PLAUSIBLE_M
-    implausible = np.count_nonzero(((xyz > 0.0) & (xyz < low)) | (xyz > high))
-    if implausible > _MOST_IMPLAUSIBLE * xyz.size:
-        raise DatasetError(
-            f"{path}: {implausible} of {xyz.size} coordinates are no distances in metres; expected float32, "
-            f"little endian: {' '.join(fields)}"
-        )
     name = path.name.removesuffix(NUSCENES_SUFFIX) if nuscenes else path.stem
     try:
         named = cloud_from_rows(rows, name)
     except DatasetError as error:
         raise DatasetError(f"{path}: {error}") from None
+    negative = np.count_nonzero(rows["intensity"] < 0.0)
+    if not nuscenes and len(rows) >= _FEWEST_ROWS and negative > _MOST_NEGATIVE * len(rows):
+        raise DatasetError(
+            f"{path}: {negative} of {len(rows)} strengths of echoes are negative: expected rows of "
+            f"{len(fields)} numbers, {' '.join(fields)}"
+        )
     return replace(named, notes=(*named.notes, AXES_KEPT), ahead="y") if nuscenes else named
 
 
@@ -87,9 +83,10 @@ def _has_rings(data: bytes) -> bool:
         return False
     rows = np.frombuffer(data, dtype="<f4").reshape(-1, 5)
     last = rows[:, 4]
-    are_rings = ((last >= 0.0) & (last < _MOST_RINGS) & (np.trunc(last) == last)).all()
-    # of a cloud with whole coordinates nothing can be said
-    return bool(are_rings and (last != last[0]).any() and (np.trunc(rows[:, :3]) != rows[:, :3]).any())
+    with np.errstate(invalid="ignore"):  # of NaN that signal
+        are_rings = ((last >= 0.0) & (last < _MOST_RINGS) & (np.trunc(last) == last)).all()
+        # of a cloud with whole coordinates nothing can be said
+        return bool(are_rings and (last != last[0]).any() and (np.trunc(rows[:, :3]) != rows[:, :3]).any())
 
 
 def bin_bytes(cloud: PointCloud, nuscenes: bool = False) -> bytes:
@@ -130,14 +127,17 @@ def read_npz(path: Path) -> NamedCloud:
             content["xyz_m"] = content.pop(SIMBEV_POINTS)
         if "xyz_m" not in content:
             raise DatasetError(f"no array xyz_m; there are {', '.join(sorted(content)) or 'none'}")
+        columns = {name: _finite_or_not(content, name) for name in ("xyz_m", *_COLUMNS) if name in content}
+        finite = np.ones(len(columns["xyz_m"]), dtype=np.bool_)
+        for name, column in columns.items():
+            if len(column) != len(finite):
+                raise DatasetError(f"array {name}: {len(column)} rows for {len(finite)} points")
+            finite &= np.isfinite(column) if column.ndim == 1 else np.isfinite(column).all(axis=1)
         stamp = content.get("stamp_s")
         cloud = PointCloud(
-            content["xyz_m"],
-            content.get("intensity"),
-            content.get("ring"),
-            content.get("time_offset_s"),
-            str(content.get("frame", "")),
-            None if stamp is None else float(stamp),
+            **{name: column if finite.all() else column[finite] for name, column in columns.items()},
+            frame=str(content.get("frame", "")),
+            stamp_s=None if stamp is None else float(stamp),
         )
     except OSError as error:
         raise DatasetError(f"{path}: {error.strerror or error}") from None
@@ -146,7 +146,18 @@ def read_npz(path: Path) -> NamedCloud:
     except Exception as error:  # zipfile's and zlib's own on damaged archives, and those of the cloud
         raise DatasetError(f"{path}: {' '.join(str(error).split()) or type(error).__name__}") from None
     unused = sorted(set(content) - {"xyz_m", *_COLUMNS, "frame", "stamp_s"})
-    return NamedCloud(path.stem, cloud, notes=(f"arrays not kept: {', '.join(unused)}",) if unused else ())
+    notes = (f"arrays not kept: {', '.join(unused)}",) if unused else ()
+    return NamedCloud(path.stem, cloud, int(np.count_nonzero(~finite)), notes)
+
+
+def _finite_or_not(content: dict[str, NDArray[Any]], name: str) -> NDArray[Any]:
+    """An array of one number or three for each point."""
+    array = content[name]
+    if array.dtype.kind not in "biuf" or array.ndim != (2 if name == "xyz_m" else 1):
+        raise DatasetError(
+            f"array {name}: expected numbers of points, got {array.dtype} of shape {array.shape}"
+        )
+    return array
 
 
 def _array(data: bytes, name: str) -> NDArray[Any]:

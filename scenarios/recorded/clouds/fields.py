@@ -22,6 +22,14 @@ _GREATEST_OFFSET_S = 1e5
 _LEAST_UNIX_NS = 1e14
 """In seconds the year is 3,170,000: a greater number is in nanoseconds."""
 
+_DISTANCES_M = (1e-6, 1e8)
+"""Coordinates other than 0: the resolution of any LiDAR and places on the Earth are inside."""
+
+_MOST_IMPLAUSIBLE = 0.1
+"""Share beyond which they are something else. Of float64 read as float32, two of three coordinates have an
+exponent of random bits, of which one in five is plausible, and so have all in the wrong byte order; of text
+none is."""
+
 
 @dataclass(frozen=True, slots=True)
 class NamedCloud:
@@ -54,8 +62,8 @@ def cloud_from_rows(
         stamp_s: its time.
 
     Raises:
-        DatasetError: a coordinate is missing, a field holds several numbers per point, or rings are no whole
-            numbers; the message does not name the file.
+        DatasetError: a coordinate is missing, a field holds several numbers per point, coordinates are no
+            distances, or rings are no whole numbers; the message does not name the file.
     """
     names = rows.dtype.names or ()
     missing = [axis for axis in "xyz" if axis not in names]
@@ -71,6 +79,7 @@ def cloud_from_rows(
     if several:
         raise DatasetError(f"field {several[0]} holds several numbers per point")
     columns = {field: _native(rows[field]) for field in used}
+    _require_distances([columns[axis] for axis in "xyz"])
     finite = np.ones(len(rows), dtype=np.bool_)
     for column in columns.values():
         finite &= np.isfinite(column)
@@ -120,6 +129,23 @@ def require_rings(cloud: PointCloud) -> None:
     """
     if cloud.ring is not None and len(cloud) and np.abs(cloud.ring).max() >= 2**31:
         raise DatasetError(f"ring {int(np.abs(cloud.ring).max())} does not fit into 32 bits")
+
+
+def _require_distances(axes: list[NDArray[Any]]) -> None:
+    """See that coordinates can be distances; what is not finite may be among them.
+
+    Raises:
+        DatasetError: they are something else, or have another byte order.
+    """
+    low, high = _DISTANCES_M
+    with np.errstate(invalid="ignore"):  # of NaN that signal
+        size = np.abs(np.stack(axes).astype(np.float64))
+    implausible = np.count_nonzero(((size > 0.0) & (size < low)) | ((size > high) & (size < np.inf)))
+    if implausible > _MOST_IMPLAUSIBLE * size.size:
+        raise DatasetError(
+            f"{implausible} of {size.size} coordinates are no distances in metres; "
+            f"expected {axes[0].dtype.name}, little endian, in the order of the fields"
+        )
 
 
 def _first(names: tuple[str, ...], wanted: tuple[str, ...]) -> str:

@@ -125,8 +125,25 @@ def losses(cloud: PointCloud, form: str) -> list[str]:
     if made_up:
         notes.append(f"no {' and '.join(made_up)} in the cloud: {form} holds 0 for it")
     if form in _NEEDS:
-        notes += _rounding(cloud)
+        notes += [*_strengths(cloud, form), *_rounding(cloud)]
     return notes
+
+
+_STRENGTHS = {"bin": 1.0, "pcd.bin": 255.0}
+"""Greatest strength of an echo in KITTI's and nuScenes' own files."""
+
+
+def _strengths(cloud: PointCloud, form: str) -> list[str]:
+    """Strengths of echoes that seem to have another unit than a format's, which stays."""
+    if cloud.intensity is None or not len(cloud):
+        return []
+    of_bytes = float(cloud.intensity.max()) > 1.0
+    if of_bytes == (_STRENGTHS[form] > 1.0) or not cloud.intensity.any():
+        return []
+    return [
+        f"intensities kept, {'some over 1' if of_bytes else 'none over 1'}: in {form} they are from 0 to "
+        f"{_STRENGTHS[form]:g}, as a rule"
+    ]
 
 
 def _is_given(value: object) -> bool:

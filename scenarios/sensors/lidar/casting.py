@@ -261,7 +261,7 @@ Caster = Callable[[RayTable, Motion, Bodies, float, Sectors], Hits]
 
 
 def caster(compiled: bool | None) -> Caster:
-    """Compiled loops or array operations, see `cast`; both try each body with the rays of its sector alone."""
+    """Compiled loops or array operations, see `cast`; both try a body with the rays of its sector alone."""
     if compiled is None:
         compiled = find_spec("numba") is not None
     if not compiled:

@@ -46,9 +46,9 @@ def unhidden_points(
     own_rays = RayTable(table.direction[row], np.zeros(len(row)))
     range_m = caster(None)(own_rays, still, bodies, -math.inf, tried).range_m
     met = (range_m >= config.blind_m) & (range_m <= config.range_m)
-    body = np.repeat(np.arange(len(boxes)), count)
+    of_body = np.repeat(np.arange(len(boxes)), count)
     if above_m > 0.0:
         height_m = np.where(met, range_m, 0.0) * own_rays.direction[:, 2]
-        met &= height_m >= boxes.bottom_m[body] + above_m
-    counts: IntArray = np.bincount(body[met], minlength=len(boxes))
+        met &= height_m >= boxes.bottom_m[of_body] + above_m
+    counts: IntArray = np.bincount(of_body[met], minlength=len(boxes))
     return counts

@@ -1,8 +1,8 @@
 """Networks as ONNX files that say themselves how clouds go in and what comes out.
 
 The metadata `smartmot` of a file is a JSON object: `version`, `grid` (`PillarGrid`), `classes`, `overlap`,
-`score_scale` and `score_offset` (of the logits, by class), `least_score` (by class, where a file says it), and
-what it was made from.
+`score_scale` and `score_offset` (of the logits, by class), `least_score` (by class; a file may leave it out),
+and what it was made from.
 """
 
 from __future__ import annotations

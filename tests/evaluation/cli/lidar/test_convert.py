@@ -51,6 +51,7 @@ def test_what_is_lost_is_said_once(velodyne: Path, tmp_path: Path, capsys: Captu
         "smartmot-eval: 1 of 3 clouds have no points",
         "smartmot-eval: axes of nuScenes kept: x right, y ahead (3 clouds)",
         "smartmot-eval: bin does not hold: ring (3 clouds)",
+        "smartmot-eval: intensities kept, some over 1: in bin they are from 0 to 1, as a rule (2 clouds)",
     ]
 
 

@@ -116,6 +116,27 @@ def test_layouts_hold_the_same(layout: str, kitti: Path, tmp_path: Path, call: C
         assert frame.written_count.tolist() == same.point_counts().tolist()
 
 
+@pytest.mark.parametrize("yaw_deg", [5.0, 90.0, -160.0])
+def test_a_lidar_of_simbev_may_be_turned_on_its_mount(yaw_deg: float, tmp_path: Path, call: Call) -> None:
+    """Clouds are given with x ahead all the same, where detectors look; labels hold the same points."""
+    assert call(*MAKE[:-2], 2, "-q", "--workers", 1, "--layout", "simbev", "--out", tmp_path)[0] == 0
+    straight = list(read_frames(tmp_path))
+    half, yaw = 0.5 * np.radians(yaw_deg), np.radians(yaw_deg)
+    for path in tmp_path.glob("simbev/infos/*.json"):
+        content = json.loads(path.read_text())
+        content["metadata"]["LIDAR"]["sensor2ego_rotation"] = [np.cos(half), 0.0, 0.0, np.sin(half)]
+        path.write_text(json.dumps(content))
+    back = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    for path in tmp_path.glob("simbev/sweeps/LIDAR/*.npz"):
+        with np.load(path) as archive:
+            np.savez(path, data=archive["data"].astype(np.float64) @ back.T)
+    for frame, same in zip(read_frames(tmp_path), straight, strict=True):
+        np.testing.assert_allclose(frame.cloud.xyz_m, same.cloud.xyz_m, atol=1e-5)
+        np.testing.assert_allclose(frame.boxes.center_m, same.boxes.center_m, atol=1e-9)
+        assert np.cos(frame.boxes.yaw_rad - same.boxes.yaw_rad) == pytest.approx(1.0, abs=1e-12)
+    assert call("check", tmp_path)[0] == 0
+
+
 def test_crops_of_a_data_set_in_its_own_frames(kitti: Path, tmp_path: Path, call: Call) -> None:
     composed = ("--from", "crops", "--crops", kitti, "--background", kitti, "--flip", "--scale", 0.1)
     assert call(*MAKE[:3], "--frames", 4, "-q", *composed, "--workers", 1, "--out", tmp_path)[0] == 0
@@ -236,8 +257,16 @@ def test_what_is_wrong_in_a_readable_data_set_is_found(kitti: Path, tmp_path: Pa
     words[11] = "500"  # x: half a kilometre to the right
     with label.open("a") as lines:
         lines.write(" ".join(words) + "\n")
+    cloud = folder / "training/velodyne" / f"{first}.bin"
+    rows = np.frombuffer(cloud.read_bytes(), dtype="<f4").reshape(-1, 4).copy()
+    rows[:, 3] *= 3.0
+    rows[0, 0] = np.nan
+    cloud.write_bytes(rows.tobytes())
     code, _, error = call("check", folder)
     assert code == 1
+    assert f"{first}: 1 points with a value that is not finite" in error
+    assert f"frame {first}: intensities from 0" in error
+    assert "expected 0 to 1; divide them by the greatest that the sensor has" in error
     assert f"{first}: is in train and in val" in error
     assert "holds 0 points, 1 at least expected" in error
     assert "its frames are in train and val" in error

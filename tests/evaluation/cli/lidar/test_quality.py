@@ -61,8 +61,9 @@ def right_and_false(boxes: Mapping[str, ScoredBoxes]) -> tuple[int, int]:
 def test_who_has_no_label_is_false_unless_nothing_is_labelled_there() -> None:
     labels, names = people(PLACES[0]), np.array(["pedestrian"])
     truth = Truth(street(), labels, names)
-    boxes, count = measured_quality([truth], ClassicalConfig(least_score=0.0), QualityOptions())
-    assert count == 1
+    boxes, account = measured_quality([truth], ClassicalConfig(least_score=0.0), QualityOptions())
+    assert account.clouds == 1
+    assert len(account.stages) == len(account.spent_s) == 1
     assert right_and_false(boxes) == (1, 1)
 
     def around(found: Boxes3D) -> np.ndarray:
@@ -110,7 +111,8 @@ def test_the_table_counts_and_regions_count_neither_way(tmp_path: Path, call: Ca
         code, text, _ = call(written(folder, with_region), "--method", "classical", "--score", 0)
         assert code == 0
         (line,) = (line.split() for line in text.splitlines() if line.startswith("pedestrian"))
-        lines.append(line[2:5])
+        lines.append(line[3:6])
+        assert "ms of processor time a cloud: region of interest " in text
         shutil.rmtree(folder)
     assert lines == [["1", "1", "1"], ["1", "1", "0"]]
 

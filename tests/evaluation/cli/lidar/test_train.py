@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.train_lidar import fresh_streets
+from benchmarks.training_frames import fresh_streets
 from evaluation.cli.lidar.train import export_command
 from evaluation.errors import ArgumentError
 from evaluation.studies.detectors.quality import QualityOptions, measured_quality

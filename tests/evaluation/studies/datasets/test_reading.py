@@ -39,3 +39,31 @@ def test_echoes_of_backgrounds_have_the_unit_of_those_that_are_pasted(
     ground = composer._ground(place, 0, np.random.default_rng(1))
     assert ground.cloud.intensity is not None
     assert ground.cloud.intensity.tolist() == pytest.approx([0.2, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("given", "greatest", "wanted"),
+    [
+        ([0.0, 0.25, 1.0], None, [0.0, 0.25, 1.0]),
+        ([0.0, 51.0, 255.0], None, [0.0, 0.2, 1.0]),  # whole numbers of 8 bits
+        ([0.0, 0.5, 1.0], 255.0, [0.0, 0.5 / 255.0, 1.0 / 255.0]),  # a dark cloud of nuScenes
+        (None, None, [0.0, 0.0, 0.0]),
+    ],
+)
+def test_strengths_of_echoes_are_shares(
+    given: list[float] | None, greatest: float | None, wanted: list[float]
+) -> None:
+    intensity = None if given is None else np.array(given)
+    cloud = PointCloud(np.ones((3, 3)), intensity)
+    frame = DatasetFrame(
+        "a", "", "train", cloud, Objects.empty(), np.eye(4), None, greatest_intensity=greatest
+    )
+    assert frame.intensity == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize("given", [[0.0, 0.5, 1.02], [0.0, 7.0, 40_000.0], [0.0, -3.0, 9.0]])
+def test_strengths_without_a_known_unit_are_one_line(given: list[float]) -> None:
+    cloud = PointCloud(np.ones((3, 3)), np.array(given))
+    frame = DatasetFrame("a", "", "train", cloud, Objects.empty(), np.eye(4), None)
+    with pytest.raises(DatasetError, match=r"frame a: intensities from .*: expected 0 to (1|255); divide"):
+        _ = frame.intensity

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.train_lidar import Source, street_frames
+from benchmarks.training_frames import Source, street_frames
 from evaluation.studies.lidar.drawn import DrawnFrame, drawn_frames
 from scenarios.drawn.map_set import MAPS
 from scenarios.sensors.lidar import lidar_config

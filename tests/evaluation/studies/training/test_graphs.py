@@ -116,7 +116,7 @@ class Drawn:
             [numpy_helper.from_array(array, name) for name, array in self.constants.items()],
         )  # fmt: skip
         model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=8)
-        pairs = [1.0] * classes, [0.0] * classes
+        pairs = [1.0] * classes, [0.0] * classes, [0.3] * classes
         helper.set_model_props(model, {METADATA: metadata(DECODER, *pairs, {"made": "by a test"})})
         onnx.checker.check_model(model)
         written: bytes = model.SerializeToString()

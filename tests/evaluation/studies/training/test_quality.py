@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evaluation.metrics.detection.from_above import ScoredBoxes, joined
-from evaluation.studies.training.quality import calibrated, match_frame
+from evaluation.studies.training.quality import calibrated, match_frame, rescored
 from smartmot.lidar.learned import PillarGrid
 from smartmot.pointcloud import Boxes3D
 
@@ -77,6 +77,23 @@ def test_calibrated_scores_are_as_often_right_as_they_say() -> None:
     scale, offset = calibrated(1.0 / (1.0 + np.exp(-(2.0 * logit + 1.0))), is_right)
     assert scale == pytest.approx(0.5, abs=0.02)
     assert offset == pytest.approx(-0.5, abs=0.03)
+
+
+def test_calibrated_scores_keep_every_count() -> None:
+    rng = np.random.default_rng(4)
+    score, none = np.sort(rng.random(50))[::-1], np.array([-np.inf])
+    each = ScoredBoxes(score, rng.random(50) < 0.5, np.append(score[:20], none), np.append(score[:20], none))
+    made = rescored(each, 0.5, -0.5)
+    expected = 1.0 / (1.0 + np.exp(-(0.5 * np.log(0.8 / 0.2) - 0.5)))
+    assert made.counts(expected) == each.counts(0.8)
+    assert made.counts(0.0) == each.counts(0.0)
+    assert made.label_score[-1] == -np.inf
+
+
+def test_scores_that_say_nothing_stay_as_they_are() -> None:
+    """Where the higher scores are more often wrong a calibration would turn their order round."""
+    score = np.linspace(0.1, 0.9, 200)
+    assert calibrated(score, score < 0.5) == (1.0, 0.0)
 
 
 def test_of_few_boxes_nothing_is_learned() -> None:

@@ -21,7 +21,8 @@ from evaluation.studies.training import NETWORK, fit, study
 from evaluation.studies.training.export import greatest_difference, onnx_bytes
 from evaluation.studies.training.fit import CHECKPOINT, Training, TrainingError, TrainingOptions
 from evaluation.studies.training.graphs import quantised, streamlined
-from evaluation.studies.training.samples import LabelledFrame
+from evaluation.studies.training.network import PillarNetwork
+from evaluation.studies.training.samples import LabelledFrame, batch
 from evaluation.studies.training.study import CARD, write_card
 from smartmot.lidar import LearnedConfig, detect
 from smartmot.lidar.learned import Decoder, PillarGrid, pillars_of
@@ -68,6 +69,25 @@ def test_losses_fall_and_bodies_are_found(trained: Training) -> None:
     assert last < 0.5 * first
     assert rows[-1]["f1_pedestrian"] > 0.3
     assert trained.share == 1.0
+
+
+def test_points_that_fill_pillars_change_nothing() -> None:
+    """In training they are left out: same features and same gradients."""
+    made = batch(FRAMES[:2], [DECODER] * 2, OPTIONS.least_points)
+    features, cell = torch.from_numpy(made.seen.features), torch.from_numpy(made.seen.cell)
+    torch.manual_seed(3)
+    network = PillarNetwork(DECODER)
+    pillars = network.of_points(features).amax(1)
+    pillars.square().sum().backward()  # type: ignore[no-untyped-call]
+    wanted = [weight.grad.clone() for weight in network.of_points.parameters() if weight.grad is not None]
+    network.zero_grad()
+    own = network._of_own_points(features)
+    torch.testing.assert_close(own, pillars, rtol=0.0, atol=0.0)
+    own.square().sum().backward()  # type: ignore[no-untyped-call]
+    assert len(wanted) == 4
+    for weight, gradient in zip(network.of_points.parameters(), wanted, strict=True):
+        torch.testing.assert_close(weight.grad, gradient, rtol=1e-4, atol=1e-4)
+    assert len(cell) == len(own)
 
 
 def test_curves_are_a_table(trained: Training) -> None:
@@ -168,7 +188,9 @@ def test_the_file_says_what_the_network_says(trained: Training) -> None:
 
 
 def test_the_same_network_gives_the_same_bytes(trained: Training) -> None:
-    made = [onnx_bytes(trained.network, DECODER, [1.0] * 3, [0.0] * 3, {"seed": 1}) for _ in range(2)]
+    made = [
+        onnx_bytes(trained.network, DECODER, [1.0] * 3, [0.0] * 3, [0.3] * 3, {"seed": 1}) for _ in range(2)
+    ]
     assert made[0] == made[1]
     # it is the fast graph already, and torch's to rounding
     assert streamlined(made[0]) == made[0]
@@ -177,7 +199,7 @@ def test_the_same_network_gives_the_same_bytes(trained: Training) -> None:
 
 
 def test_integers_need_less_room_and_say_nearly_the_same(trained: Training) -> None:
-    content = onnx_bytes(trained.network, DECODER, [1.0] * 3, [0.0] * 3, {"seed": 1})
+    content = onnx_bytes(trained.network, DECODER, [1.0] * 3, [0.0] * 3, [0.3] * 3, {"seed": 1})
     seen = [pillars_of(frame.points, frame.points[:, 2], DECODER.grid) for frame in FRAMES]
     small = quantised(content, seen)
     assert len(small) < 0.5 * len(content)

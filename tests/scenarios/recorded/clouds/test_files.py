@@ -69,7 +69,7 @@ def test_bin_holds_points_and_intensity(tmp_path: Path, form: str, columns: tupl
     named = read_cloud(written(tmp_path, cloud_bytes(cloud, form), f"a.{form}"))
     assert named.name == "a"
     require_same(named.cloud, cloud, "xyz_m", "intensity", *columns)
-    (lost,) = losses(cloud, form)
+    lost, *_ = losses(cloud, form)
     assert "time of each point" in lost
     assert ("ring" in lost) == (form == "bin")
 
@@ -80,6 +80,12 @@ def test_other_content_is_not_taken_for_float32(tmp_path: Path) -> None:
     for name, data in (("doubles", points.tobytes()), ("text", b"1.25 2.5 -1.7 0.3\n" * 160)):
         path = written(tmp_path, data, f"{name}.bin")
         with pytest.raises(DatasetError, match=rf"{name}\.bin: \d+ of \d+ coordinates are no distances"):
+            read_cloud(path)
+    turned = points.astype(">f4")
+    swapped = written(tmp_path, turned.tobytes(), "swapped.bin")
+    rows = b"FIELDS x y z intensity\nPOINTS 500\nDATA binary\n" + turned.tobytes()
+    for path in (swapped, written(tmp_path, rows, "swapped.pcd")):
+        with pytest.raises(DatasetError, match=r"coordinates are no distances in metres; .*little endian"):
             read_cloud(path)
     assert len(read_cloud(written(tmp_path, np.zeros((5, 4), "<f4").tobytes(), "zeros.bin")).cloud) == 5
 
@@ -207,6 +213,47 @@ def test_bags_bring_every_number_back(tmp_path: Path, name: str) -> None:
     assert len(back[2].cloud) == 0
     with pytest.raises(DatasetError, match="no topic /other with clouds; there are /points"):
         list(read_clouds(path, "/other"))
+
+
+@pytest.mark.parametrize("columns", [3, 5, 6, 7])
+def test_rows_of_other_lengths_are_not_taken_for_points_of_four(tmp_path: Path, columns: int) -> None:
+    """The length fits all of them; strengths of echoes are never below 0, which coordinates are."""
+    rng = np.random.default_rng(columns)
+    rows = np.column_stack((rng.normal(0.0, 9.0, (400, 3)), rng.random((400, 4))))[:, :columns]
+    path = written(tmp_path, rows.astype("<f4").tobytes(), "points.bin")
+    with pytest.raises(DatasetError, match=r"points\.bin: \d+ of \d+ strengths of echoes are negative"):
+        read_cloud(path)
+    path = written(tmp_path, rng.random((400, 4)).astype("<f4").tobytes(), "points.bin")
+    assert len(read_cloud(path).cloud) == 400
+
+
+def test_points_that_are_nowhere_go_from_archives_too(tmp_path: Path) -> None:
+    cloud = random_cloud(6)
+    xyz = cloud.xyz_m.copy()
+    xyz[3, 1], xyz[7, 0] = np.nan, np.inf
+    path = tmp_path / "a.npz"
+    np.savez(path, xyz_m=xyz, ring=cloud.ring)
+    named = read_cloud(path)
+    assert (len(named.cloud), named.dropped) == (38, 2)
+    assert cloud.ring is not None
+    assert named.cloud.ring is not None
+    assert named.cloud.ring.tolist() == np.delete(cloud.ring, (3, 7)).tolist()
+    for wrong, message in (
+        ({"xyz_m": xyz.astype(complex)}, "array xyz_m: expected numbers of points, got complex128"),
+        ({"xyz_m": xyz.astype(str)}, "array xyz_m: expected numbers of points, got <U"),
+        ({"xyz_m": xyz, "ring": cloud.ring[:9]}, "array ring: 9 rows for 40 points"),
+    ):
+        np.savez(path, **wrong)
+        with pytest.raises(DatasetError, match=message):
+            read_cloud(path)
+
+
+def test_strengths_of_another_unit_are_said() -> None:
+    bytes_ = PointCloud(np.ones((2, 3), np.float32), np.array([3.0, 200.0], np.float32))
+    shares = PointCloud(np.ones((2, 3), np.float32), np.array([0.1, 0.9], np.float32))
+    assert losses(bytes_, "bin") == ["intensities kept, some over 1: in bin they are from 0 to 1, as a rule"]
+    assert "none over 1: in pcd.bin they are from 0 to 255" in " ".join(losses(shares, "pcd.bin"))
+    assert "intensities" not in " ".join(losses(shares, "bin") + losses(bytes_, "pcd.bin"))
 
 
 @pytest.mark.parametrize("count", [100, 400, 401])

@@ -52,7 +52,7 @@ def network(
 
 
 def described(**other: Any) -> str:
-    content = json.loads(metadata(DECODER, [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], {"seed": 1}))
+    content = json.loads(metadata(DECODER, [1.0] * 3, [0.0] * 3, [0.3] * 3, {"seed": 1}))
     return json.dumps(content | other)
 
 
@@ -103,6 +103,20 @@ def test_scores_are_calibrated_by_scale_and_offset(tmp_path: Path) -> None:
     assert score == pytest.approx(1.0 / (1.0 + np.exp(-(0.5 * np.log(4.0) - 0.2))))
 
 
+def test_each_class_has_a_least_score_of_its_own(tmp_path: Path) -> None:
+    """The post is a pedestrian with score 0.8."""
+    file = tmp_path / "own.onnx"
+    for least, boxes in (([0.9, 0.8, 0.9], 1), ([0.1, 0.81, 0.1], 0), (None, 1)):
+        content = json.loads(described(least_score=least))
+        if least is None:  # as files of earlier versions: 0.3
+            del content["least_score"]
+        file.write_bytes(network(json.dumps(content)))
+        config = LearnedConfig(file)
+        assert config.network.least_score.tolist() == (least or [0.3] * 3)
+        assert len(detect(street(), config)) == boxes
+        assert len(detect(street(), LearnedConfig(file, least_score=0.5))) == 1
+
+
 def test_a_file_is_known_by_its_hash(path: Path) -> None:
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     config = LearnedConfig(path)
@@ -127,6 +141,9 @@ def test_a_file_is_known_by_its_hash(path: Path) -> None:
         (network(described(classes=["car"])), "its classes must be some of"),
         (network(described(grid={"cell_m": 0.3})), "its metadata is damaged|is no whole number"),
         (network(described(score_scale="much")), "its metadata is damaged"),
+        (network(described(least_score=[0.3, 0.3])), "least_score must be a number in \\[0, 1\\] for each"),
+        (network(described(least_score=[0.3, 0.3, 1.1])), "least_score must be a number"),
+        (network(described(least_score="much")), "its metadata is damaged"),
         (network(described(score_scale=[1.0, float("nan"), 1.0])), "with a finite scale"),
         (network(described(overlap=float("nan"))), "overlap lie in"),
         (network(described(classes=["car", "car", "cyclist"])), "each once"),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.train_lidar import fresh_streets
+from benchmarks.training_frames import fresh_streets
 from evaluation.studies.detectors.quality import QualityOptions, measured_quality
 from smartmot.errors import ConfigError
 from smartmot.lidar.learned import SHIPPED, shipped, shipped_card, shipped_network
@@ -55,8 +55,8 @@ def test_an_unknown_name_is_one_line() -> None:
 
 def test_it_finds_road_users_on_fresh_streets() -> None:
     """Few frames, so that the bounds are far under what docs/learned.md measures on many."""
-    boxes, count = measured_quality(fresh_streets(24, 4242), shipped_network(), QualityOptions(10))
-    assert count == 24
+    boxes, account = measured_quality(fresh_streets(24, 4242), shipped_network(), QualityOptions(10))
+    assert account.clouds == 24
     assert {name: each.labels >= 20 for name, each in boxes.items()} == dict.fromkeys(boxes, True)
     least = {"car": 0.85, "pedestrian": 0.7, "cyclist": 0.7}
     assert {name: each.f1(0.3) > least[name] for name, each in boxes.items()} == dict.fromkeys(boxes, True)
