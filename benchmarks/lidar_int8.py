@@ -1,9 +1,10 @@
 """The shipped network with integers of 8 bits against itself in float32: F1 by class, and times.
 
-    python -m benchmarks.lidar_int8 [--frames 300] [--calibrate 300] [--kitti DIR] [--network FILE.onnx]
+    python -m benchmarks.lidar_int8 [--frames 300] [--kitti DIR] [--network FILE.onnx [--calibrate 300]]
 
-The ranges of values are found on streets of `lidar export --int8`; F1 is counted on streets of other maps and
-another seed (those of `benchmarks.train_lidar --check`), at a score of 0.3, of labels with 10 points or more.
+The ranges of values of a file's network are found on streets of `lidar export --int8`; F1 is counted on
+streets of other maps and another seed (those of `benchmarks.train_lidar --check`), at the least scores that
+each network says, of labels with 10 points or more.
 Both networks see the same frames: the interval is that of the difference, by drawing frames with replacement.
 Ends with 1 where the F1 of a class differs by more than 0.02, or integers are no quicker.
 """
@@ -24,15 +25,13 @@ import numpy as np
 from benchmarks.training_frames import fresh_streets
 from evaluation.metrics.detection.from_above import LEAST_OVERLAP, ScoredBoxes, joined
 from evaluation.studies.datasets.reading import read_frames
-from evaluation.studies.detectors.quality import QualityOptions, Truth, matched_frame
+from evaluation.studies.detectors.quality import QualityOptions, Truth, least_scores, matched_frame
 from evaluation.studies.training.calibration import drawn_clouds, export_integers
 from smartmot.lidar import BoxDetections, LearnedConfig, detect
 from smartmot.lidar.learned import shipped_network
 
 GREATEST_LOSS = 0.02
 """Of F1."""
-
-LEAST_SCORE = 0.3
 
 RESAMPLES = 2000
 
@@ -45,7 +44,7 @@ class Side:
     """
 
     def __init__(self, config: LearnedConfig) -> None:
-        self.config = config
+        self.config, self.least = replace(config, least_score=0.05), least_scores(config)
         self.parts: dict[str, list[ScoredBoxes]] = {name: [] for name in LEAST_OVERLAP}
         self.spent_ms: list[float] = []
         self.network_ms: list[float] = []
@@ -63,7 +62,7 @@ class Side:
         """(F, 3) right and false boxes and labels of each frame."""
         rows = []
         for part in self.parts[name]:
-            each = part.counts(LEAST_SCORE)
+            each = part.counts(self.least[name])
             rows.append((each.true_positives, each.false_positives, part.labels))
         return np.array(rows, dtype=np.float64)
 
@@ -114,13 +113,14 @@ def main() -> int:
     parser.add_argument("--kitti", type=Path, help="KITTI object data, only told, not judged")
     parser.add_argument("--network", type=Path, help="another network than the shipped one")
     options = parser.parse_args()
-    plain = shipped_network() if options.network is None else LearnedConfig(options.network)
-    plain = replace(plain, least_score=0.05)
+    plain, small = shipped_network(), shipped_network("pillars_int8")
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "int8.onnx"
-        export_integers(plain, drawn_clouds(options.calibrate), path)
-        print(f"{plain.path.stat().st_size} bytes in float32, {path.stat().st_size} with integers")
-        small = LearnedConfig(path, "", plain.least_score)
+        if options.network is not None:
+            path = Path(folder) / "int8.onnx"
+            plain = LearnedConfig(options.network)
+            export_integers(plain, drawn_clouds(options.calibrate), path)
+            small = LearnedConfig(path)
+        print(f"{plain.path.stat().st_size} bytes in float32, {small.path.stat().st_size} with integers")
         sides = Side(plain), Side(small)
         greatest = compare("fresh streets", fresh_streets(options.frames), sides, QualityOptions(10))
         quicker = statistics.median(sides[1].network_ms) < statistics.median(sides[0].network_ms)

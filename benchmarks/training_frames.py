@@ -56,7 +56,6 @@ SOURCES = (
     Source("mid70", 70.4, 160),
     Source("hdl64", 180.0, 600, rough=True), Source("hdl64", 85.0, 920, rough=True),
     Source("hdl32", 180.0, 240, rough=True), Source("mid70", 70.4, 80, rough=True),
-    Source("hdl64", 85.0, 1200), Source("hdl64", 85.0, 600, rough=True),
 )  # fmt: skip
 """What is learned from. 85 degrees are the field of a camera's lens: clouds are often cut to it."""
 
@@ -143,19 +142,27 @@ def unpacked(columns: dict[str, np.ndarray]) -> list[LabelledFrame]:
     ]
 
 
-def frames_in(out: Path, seed: int, workers: int) -> tuple[list[LabelledFrame], list[LabelledFrame]]:
-    """Frames to learn from and held out ones; each source has a seed of its own."""
-    train, held_out = (
-        [
-            frame
-            for number, source in enumerate(sources)
-            for frame in _kept_or_drawn(
-                out / f"frames_{name}_{number}.npz", source, first + seed + 1000 * number, workers
-            )
-        ]
-        for name, first, sources in (("train", 100_000, SOURCES), ("held_out", 200_000, HELD_OUT))
-    )
-    return train, held_out
+def train_frames(out: Path, seed: int, workers: int) -> list[LabelledFrame]:
+    """Frames to learn from."""
+    return _frames(out, "train", SOURCES, 100_000 + seed, workers)
+
+
+def held_out_frames(out: Path, seed: int, workers: int) -> list[LabelledFrame]:
+    """Frames that only score a training."""
+    return _frames(out, "held_out", HELD_OUT, 200_000 + seed, workers)
+
+
+def _frames(
+    out: Path, name: str, sources: tuple[Source, ...], seed: int, workers: int
+) -> list[LabelledFrame]:
+    """Those of some sources, each with a seed of its own."""
+    return [
+        frame
+        for number, source in enumerate(sources)
+        for frame in _kept_or_drawn(
+            out / f"frames_{name}_{number}.npz", source, seed + 1000 * number, workers
+        )
+    ]
 
 
 def _kept_or_drawn(path: Path, source: Source, seed: int, workers: int) -> list[LabelledFrame]:

@@ -79,8 +79,8 @@ def _list_perceptions() -> None:
     texts |= {name: (kind.__doc__ or "").splitlines()[0] for name, kind in OF_TRUTH.items()}
     lines = [(name, texts[name]) for name in PERCEPTIONS]
     lines += [
-        (name, "A network that is shipped, trained on simulated streets: docs/learned.md.")
-        for name in SHIPPED
+        (name, f"A shipped network, trained on simulated streets{of}: docs/learned.md.")
+        for name, of in zip(SHIPPED, ("", ", of 8-bit integers and quicker"), strict=True)
     ]
     lines += [
         (NETWORK_FORM, "A network that lidar train made, known by the hash of its file: docs/learned.md."),

@@ -81,8 +81,7 @@ def least_scores(config: DetectorConfig) -> dict[str, float]:
     """By class, the least score of boxes that count: what a network says, else `LEAST_SCORE`."""
     if not isinstance(config, LearnedConfig):
         return dict.fromkeys(LEAST_OVERLAP, LEAST_SCORE)
-    network = config.network
-    own = dict(zip(network.decoder.classes, network.least_score.tolist(), strict=True))
+    own = dict(zip(config.network.decoder.classes, config.least_scores.tolist(), strict=True))
     return {name: own.get(name, LEAST_SCORE) for name in LEAST_OVERLAP}
 
 

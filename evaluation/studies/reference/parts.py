@@ -79,7 +79,7 @@ TOWNS = TownsPart(GAIN.sample, _PNG, presets=GAIN.presets)
 _VAN_ROOF_M = 2.3
 """Height of a sensor on a van, higher than any that detectors were fitted with (2.1 m)."""
 
-_METHODS = (*METHODS, *SHIPPED)
+_METHODS = (*METHODS, SHIPPED[0])
 
 DETECTORS: tuple[DetectorComparison, ...] = (
     DetectorComparison(

@@ -19,7 +19,14 @@ from evaluation.metrics.detection.from_above import ScoredBoxes, joined
 from evaluation.results.files import write_bytes
 from evaluation.studies.training.network import PillarNetwork, loss_of
 from evaluation.studies.training.quality import match_frame
-from evaluation.studies.training.samples import Batch, Changes, LabelledFrame, batch, changed_window
+from evaluation.studies.training.samples import (
+    LEAST_POINTS,
+    Batch,
+    Changes,
+    LabelledFrame,
+    batch,
+    changed_window,
+)
 from smartmot.lidar.learned import Decoder
 
 CHECKPOINT, CURVES = "checkpoint.pt", "training.csv"
@@ -58,7 +65,7 @@ class TrainingOptions:
     frames_per_step: int = 4
     rate: float = 3e-3
     seed: int = 1
-    least_points: int = 5
+    least_points: int = LEAST_POINTS
 
     def __post_init__(self) -> None:
         if (self.steps is not None and self.steps < 1) or not 0.0 < self.minutes < math.inf:

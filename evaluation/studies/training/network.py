@@ -25,9 +25,6 @@ PRIOR = 0.01
 WEIGHTS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.2, 0.2)
 """Of `CHANNELS` in the loss; the direction counts less than the axis, which decides the overlap."""
 
-BOXES = 0.25
-"""Weight of the boxes' loss beside that of the scores, that of CenterPoint on nuScenes (Yin et al., 2021)."""
-
 
 def _convolution(channels_in: int, channels: int, stride: int = 1) -> nn.Sequential:
     return nn.Sequential(
@@ -89,7 +86,7 @@ class PillarNetwork(nn.Module):
 
 
 def loss_of(output: Tensor, wanted: Targets, classes: int) -> tuple[Tensor, Tensor]:
-    """Losses of scores and of boxes, each per centre, with their weights.
+    """Losses of scores and of boxes, each per centre.
 
     Focal loss with penalties reduced around centres (Law, Deng, "CornerNet", 2018), and absolute differences.
     """
@@ -104,4 +101,4 @@ def loss_of(output: Tensor, wanted: Targets, classes: int) -> tuple[Tensor, Tens
     values = output[:, classes:].permute(0, 2, 3, 1).reshape(-1, len(CHANNELS))
     difference = (values[torch.from_numpy(wanted.cell)] - torch.from_numpy(wanted.values)).abs()
     of_boxes = (difference * torch.tensor(WEIGHTS)).sum() / max(len(wanted.cell), 1)
-    return of_scores, BOXES * of_boxes
+    return of_scores, of_boxes

@@ -23,6 +23,9 @@ SPREAD = {"car": 2.0, "cyclist": 1.0, "pedestrian": 0.5}
 that a centre that is off by it still overlaps the body; that of people ends before the next one of a group,
 0.6 m away."""
 
+LEAST_POINTS = 5
+"""Labels with fewer are neither learned nor scored, as a rule."""
+
 
 @dataclass(frozen=True, slots=True)
 class Changes:

@@ -48,8 +48,7 @@ def detect_learned(
     # without any pillar there is nothing to see, and networks may not know a cloud of none
     output = network.run(seen) if len(seen) else np.full(network.decoder.shape, -np.inf, dtype=np.float32)
     clock.note("network", output[0].size, "cells")
-    least_score = network.least_score if config.least_score is None else config.least_score
-    boxes, score, category = network.decoder.decode(output, least_score)
+    boxes, score, category = network.decoder.decode(output, config.least_scores)
     center = boxes.center_m.copy()
     center[:, 2] += view.ground.level_m(center[:, :2])
     boxes = Boxes3D(center, boxes.size_m, boxes.yaw_rad)

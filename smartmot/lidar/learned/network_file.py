@@ -52,8 +52,8 @@ class LearnedConfig:
     Args:
         path: the ONNX file.
         digest: SHA-256 of the file, in hexadecimal digits; empty: taken from the file.
-        least_score: boxes with a lower score are left out; None: what the file says of each class, see
-            `Network.least_score`.
+        least_score: boxes with a lower score are left out, of all classes or of each; None: what the file
+            says of each class, see `Network.least_score`.
 
     Raises:
         ConfigError: the file is missing, is no network of this form, or not the one with that digest.
@@ -61,11 +61,12 @@ class LearnedConfig:
 
     path: Path
     digest: str = ""
-    least_score: float | None = None
+    least_score: float | tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        if self.least_score is not None and not 0.0 <= self.least_score <= 1.0:
-            raise ConfigError(f"least_score: must lie in [0, 1], got {self.least_score:g}")
+        given = self.least_score if isinstance(self.least_score, tuple) else (self.least_score,)
+        if any(score is not None and not 0.0 <= score <= 1.0 for score in given):
+            raise ConfigError(f"least_score: must lie in [0, 1], got {self.least_score}")
         digest = hashlib.sha256(_content(self.path)).hexdigest()
         if self.digest not in ("", digest):
             raise ConfigError(f"{self.path}: is not the network with SHA-256 {self.digest}, but {digest}")
@@ -75,6 +76,20 @@ class LearnedConfig:
     def network(self) -> Network:
         """The network, loaded once in a process."""
         return _network(self.path, self.digest)
+
+    @property
+    def least_scores(self) -> FloatArray:
+        """(C,) least scores of the network's classes.
+
+        Raises:
+            ConfigError: `least_score` is of another number of classes.
+        """
+        own = self.network.least_score
+        if self.least_score is None:
+            return own
+        if isinstance(self.least_score, tuple) and len(self.least_score) != len(own):
+            raise ConfigError(f"least_score: {len(self.least_score)} scores for {len(own)} classes")
+        return np.broadcast_to(np.array(self.least_score, dtype=np.float64), own.shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ from smartmot.lidar.learned.network_file import LearnedConfig
 
 FOLDER = Path(__file__).parent / "weights"
 
-SHIPPED = ("pillars",)
+SHIPPED = ("pillars", "pillars_int8")
 """Names of the networks: NAME.onnx in the folder, with the card NAME.json."""
 
 
@@ -26,7 +26,7 @@ def shipped_card(name: str) -> dict[str, Any]:
     path = FOLDER / f"{name}.json"
     try:
         card: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        _ = card["sha256"], card["bytes"]
+        _ = card["sha256"], card["bytes"], card["least_score"]
     except (OSError, ValueError, KeyError, TypeError):
         raise ConfigError(f"{path}: is missing or damaged; install the package again") from None
     return card
@@ -42,7 +42,7 @@ def shipped_network(name: str = "pillars", least_score: float | None = None) -> 
 
     Args:
         name: out of `SHIPPED`.
-        least_score: boxes with a lower score are left out; None: those of the file, see `LearnedConfig`.
+        least_score: boxes with a lower score are left out; None: what the card says of each class.
 
     Raises:
         ConfigError: there is no such network, or the package is damaged.
@@ -51,4 +51,5 @@ def shipped_network(name: str = "pillars", least_score: float | None = None) -> 
     size = path.stat().st_size if path.is_file() else 0
     if size != card["bytes"]:
         raise ConfigError(f"{path}: has {size} bytes in place of {card['bytes']}; install the package again")
-    return LearnedConfig(path, card["sha256"], least_score)
+    least = tuple(card["least_score"]) if least_score is None else least_score
+    return LearnedConfig(path, card["sha256"], least)

@@ -241,9 +241,10 @@ def test_shipped_brake_rules_are_listed_with_what_triggers_them(command: Command
 
 def test_perceptions_are_listed_with_networks_and_ones_own(command: Command) -> None:
     from scenarios.sensors.lidar.chain import PERCEPTIONS
+    from smartmot.lidar.learned import SHIPPED
 
     named = [line.split()[0] for line in command("list", "--perceptions").out.splitlines()]
-    assert named == [*PERCEPTIONS, "pillars", "FILE.onnx", "FILE.onnx_monitored", "package.module:name"]
+    assert named == [*PERCEPTIONS, *SHIPPED, "FILE.onnx", "FILE.onnx_monitored", "package.module:name"]
 
 
 # ---- protocols ---------------------------------------------------------------------------------------------
