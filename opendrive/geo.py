@@ -17,7 +17,7 @@ from opendrive.errors import OpenDriveError, PositionError
 from opendrive.model import GeoOffset, Header
 
 if TYPE_CHECKING:
-    from pyproj import Transformer
+    from pyproj import CRS, Transformer
 
 _VERTICAL = re.compile(r"\+(geoidgrids|vunits|vto_meter)=\S+")
 _ORIGIN = re.compile(r"\+(lat_0|lon_0)=(\S+)")
@@ -54,6 +54,27 @@ def projection_text(geo_reference: str) -> str:
     return text
 
 
+def coordinate_system(geo_reference: str) -> "CRS":
+    """Return the coordinate system that a geoReference names.
+
+    Raises:
+        GeoReferenceError: there is none, it is not understood, or it holds degrees, while maps hold metres.
+        ImportError: pyproj is not installed.
+    """
+    from pyproj import CRS
+    from pyproj.exceptions import ProjError
+
+    try:
+        system = CRS.from_user_input(projection_text(geo_reference))
+    except ProjError as error:
+        reason = str(error).splitlines()[0]
+        raise GeoReferenceError(f"geoReference {geo_reference!r:.120}: {reason}") from None
+    if system.is_geographic:
+        message = "names degrees, while the map is in metres; name a projection"
+        raise GeoReferenceError(f"geoReference {geo_reference!r:.120} {message}")
+    return system
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class GeoReference:
     """Transformation between the map frame and WGS 84.
@@ -73,17 +94,13 @@ class GeoReference:
         Raises:
             GeoReferenceError: pyproj is not installed, or the geoReference is absent or not understood.
         """
-        text = projection_text(header.geo_reference)
         try:
-            from pyproj import CRS, Transformer
-            from pyproj.exceptions import ProjError
+            from pyproj import Transformer
+
+            system = coordinate_system(header.geo_reference)
         except ImportError as error:
             raise GeoReferenceError(_smartmot.missing_extra("geographic positions", "maps", error)) from None
-        try:
-            transformer = Transformer.from_crs(CRS.from_user_input(text), "EPSG:4326", always_xy=True)
-        except ProjError as error:
-            reason = str(error).splitlines()[0]
-            raise GeoReferenceError(f"geoReference {header.geo_reference!r:.120}: {reason}") from None
+        transformer = Transformer.from_crs(system, "EPSG:4326", always_xy=True)
         return cls(transformer, header.offset or _NO_OFFSET)
 
     def to_geographic(self, xy_m: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""Maps built in code, on the records of `opendrive.model`; docs/opendrive.md has an example."""
+"""Maps built in code, on the records of `opendrive.model`; docs/maps.md has an example."""
 
 from opendrive.building.joints import LaneEnd, joined, junction
 from opendrive.building.records import (

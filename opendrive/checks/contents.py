@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from opendrive.errors import MapWarning, WarningKind
-from opendrive.geo import GeoReferenceError, projection_text
+from opendrive.geo import GeoReferenceError, coordinate_system
 from opendrive.model import MapModel, RoadDetails, RoadObject
 from opendrive.roads.geometry import NetworkGeometry
+from opendrive.roads.objects import MAX_COPIES, copies_asked
 from opendrive.roads.road_records import RoadRecords
 
 OFF_ROAD_M = 0.01
@@ -51,20 +52,12 @@ def _geo_reference(model: MapModel) -> Iterator[MapWarning]:
     text = model.header.geo_reference.strip()
     if not text:
         return
-    reason = ""
     try:
-        from pyproj import CRS
-        from pyproj.exceptions import ProjError
+        coordinate_system(text)
+    except GeoReferenceError as error:
+        yield MapWarning("", "header/geoReference", str(error), WarningKind.GEO_REFERENCE)
     except ImportError:
         return
-    try:
-        CRS.from_user_input(projection_text(text))
-    except GeoReferenceError as error:
-        reason = str(error)
-    except ProjError as error:
-        reason = f"geoReference {text!r:.120}: {str(error).splitlines()[0]}"
-    if reason:
-        yield MapWarning("", "header/geoReference", reason, WarningKind.GEO_REFERENCE)
 
 
 def _beyond_road(road: _RoadContent, geometry: NetworkGeometry) -> Iterator[MapWarning]:
@@ -148,6 +141,9 @@ def _parts_of_objects(road: _RoadContent) -> Iterator[MapWarning]:
                 if value < 0.0:
                     message = f"the {name} of a repeat is {value:.3g} m; read as 0"
                     yield odd(WarningKind.UNKNOWN_VALUE, "object/repeat", item, message)
+            if repeat.distance_m > 0.0 and (asked := copies_asked(repeat)) > MAX_COPIES:
+                message = f"a repeat asks for {asked:.3g} copies; the first {MAX_COPIES} are read"
+                yield odd(WarningKind.LEFT_OUT, "object/repeat", item, message)
         for outline in item.outlines:
             if item.type == "crosswalk" and len(outline.corners) < 3:
                 message = f"an outline of {len(outline.corners)} corners encloses nothing; left out"

@@ -1,5 +1,6 @@
 """Crosswalks, outlines of objects, and the signals that apply to a road."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -11,7 +12,7 @@ from opendrive.roads.geometry import SurfacePoints
 from opendrive.roads.road import RoadGeometry
 
 _STRIP_STEP_M = 1.0
-_MAX_COPIES = 10_000
+MAX_COPIES = 10_000
 """More than any real object has along one road."""
 
 
@@ -228,7 +229,7 @@ class _Copy:
 
     def _strip(self, road: RoadGeometry, repeat: ObjectRepeat) -> list[FloatArray]:
         """Return the outline of an object that is continuous along a stretch of road."""
-        count = int(np.clip(np.ceil(repeat.length_m / _STRIP_STEP_M), 1, _MAX_COPIES))
+        count = int(np.clip(np.ceil(repeat.length_m / _STRIP_STEP_M), 1, MAX_COPIES))
         share = np.linspace(0.0, 1.0, count + 1)
         s = np.clip(repeat.s_m + share * repeat.length_m, 0.0, road.length_m)
         t = _changed(repeat.t, self.item.t_m, share)
@@ -238,6 +239,12 @@ class _Copy:
         sides = [road.point(s, t + half * width) for half in (-0.5, 0.5)]
         right, left = (np.stack([points.x_m, points.y_m], axis=1) for points in sides)
         return [_open_ring(np.concatenate([right, left[::-1]]))]
+
+
+def copies_asked(repeat: ObjectRepeat) -> int:
+    """Return how many copies a repeat with a distance asks for, of which at most `MAX_COPIES` are made."""
+    # Beyond a number that nothing needs the count is not exact, and the quotient may be infinite.
+    return math.floor(min(max(repeat.length_m, 0.0) / repeat.distance_m, 1e12) + 1e-9) + 1
 
 
 def _copies(item: RoadObject) -> Iterator[_Copy]:
@@ -252,7 +259,7 @@ def _copies(item: RoadObject) -> Iterator[_Copy]:
             )
             yield _Copy(item, repeat.s_m, t_m, z_m, None, None, None, repeat)
             continue
-        count = min(int(np.floor(repeat.length_m / repeat.distance_m + 1e-9)) + 1, _MAX_COPIES)
+        count = min(copies_asked(repeat), MAX_COPIES)
         along_m = repeat.distance_m * np.arange(count)
         share = np.asarray(along_m / max(repeat.length_m, repeat.distance_m), dtype=np.float64)
         columns = [

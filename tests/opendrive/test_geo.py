@@ -76,7 +76,18 @@ def test_maps_with_a_reference_have_geographic_positions(network_of, map_name):
     np.testing.assert_allclose(network.from_geographic(latitude, longitude), POINTS, atol=1e-3)
 
 
-@pytest.mark.parametrize("reference", ["+proj=nonsense", "nowhere", "+lat_0=49", "+lat_0=a +lon_0=b"])
+@pytest.mark.parametrize(
+    "reference",
+    [
+        "+proj=nonsense",
+        "nowhere",
+        "+lat_0=49",
+        "+lat_0=a +lon_0=b",
+        # Degrees: metres would be taken for them.
+        "EPSG:4326",
+        "+proj=longlat +datum=WGS84 +no_defs",
+    ],
+)
 def test_references_that_are_not_understood_are_refused(placed, reference):
     with pytest.raises(GeoReferenceError, match="geoReference") as error:
         placed(reference).to_geographic(POINTS)

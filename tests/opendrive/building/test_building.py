@@ -32,7 +32,7 @@ STREET = [building.Lane("driving", 3.5, "solid"), building.Lane("sidewalk", 2.0,
 
 def example() -> str:
     """The code of the section on building in the docs."""
-    page = (ROOT / "docs" / "opendrive.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "maps.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"## Build it in code\n.*?```python\n(.*?)```", page, re.S)
     return code
 
@@ -42,7 +42,7 @@ def town(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("town")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        exec(compile(example(), "docs/opendrive.md", "exec"), {})
+        exec(compile(example(), "docs/maps.md", "exec"), {})
     return folder / "town.xodr"
 
 

@@ -116,6 +116,7 @@ def test_a_section_without_centre_lane(load, text):
         ("EPSG:32632", True),
         ("+proj=nonsense", False),
         ("somewhere in Bavaria", False),
+        ("EPSG:4326", False),
         ("+lat_0=49", False),
     ],
 )

@@ -137,3 +137,20 @@ def test_every_outline_counts_and_follows_its_copies(load, text):
     network = load(text.road(PLAN, extra=crosswalk(body)))
     centres = [crosswalk.polygon.mean(axis=0) for crosswalk in network.crosswalks]
     np.testing.assert_allclose(centres, on_road([40, 45, 60, 65], [0, 0, 0, 0]), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("repeat", "count", "kinds"),
+    [
+        ('length="80" distance="0.01"', 8001, []),
+        ('length="90" distance="0.001"', 10_000, ["left out"]),
+        ('length="1e6" distance="1e-320"', 10_000, ["beyond the road", "left out"]),
+        ('length="-3" distance="30"', 1, ["unknown value"]),
+        ('length="0" distance="30"', 1, []),
+    ],
+)
+def test_a_repeat_has_as_many_copies_as_it_asks_for_or_says_so(load, text, repeat, count, kinds):
+    item = f'<object id="p" type="pole" s="5" t="0"><repeat s="5" {repeat}/></object>'
+    network = load(text.road(PLAN, extra=f"<objects>{item}</objects>"))
+    assert len(network.objects) == count
+    assert sorted(warning.kind.value for warning in network.warnings) == kinds
