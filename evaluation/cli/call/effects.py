@@ -55,7 +55,8 @@ class With:
         """Why they have no effect in a call; empty where they have one."""
         if any(_is_given(context, other) for other in self.others):
             return ""
-        return f"has no effect without {_listed([_name(context, other) for other in self.others])}; add it"
+        others = [_name(context, other, asked_for=True) for other in self.others]
+        return f"has no effect without {_listed(others)}; add it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,12 +118,16 @@ def _declared(context: typer.Context, parameter: str) -> Any:
     return next(param for param in context.command.params if param.name == parameter)
 
 
-def _name(context: typer.Context, parameter: str) -> str:
-    """A parameter as it is typed: its long option, or the name of an argument."""
+def _name(context: typer.Context, parameter: str, *, asked_for: bool = False) -> str:
+    """A parameter as it is typed: its long option, or the name of an argument.
+
+    `asked_for`: as it would be typed to have it, whatever is typed.
+    """
     declared = _declared(context, parameter)
     if declared.param_type_name == "argument":
         return str(declared.metavar or declared.name).strip("[]")
-    names = declared.secondary_opts if context.params[parameter] is False else declared.opts
+    refused = context.params[parameter] is False and not asked_for
+    names = declared.secondary_opts if refused else declared.opts
     return str(max(names or declared.opts, key=len))
 
 
