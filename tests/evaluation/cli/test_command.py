@@ -236,7 +236,7 @@ def test_shipped_brake_rules_are_listed_with_what_triggers_them(command: Command
     assert ["paper", "braking_factor=1"] in named
     assert ["required_deceleration", "required_decel_mps2=6"] in named
     assert ["r157", "r157_ttc_s=1.5"] in named
-    assert len(named) == 9
+    assert len(named) == 10
 
 
 def test_perceptions_are_listed_with_networks_and_ones_own(command: Command) -> None:
