@@ -21,6 +21,7 @@ from scenarios.openscenario.running.actors import Actor
 from scenarios.openscenario.running.conditions import Watch
 from scenarios.openscenario.running.driving import distances, lateral, speeds
 from scenarios.openscenario.running.driving.controllers import Control
+from scenarios.openscenario.running.driving.lateral_distance import LateralDistance
 from scenarios.openscenario.running.driving.trailers import TrailerChange, moves_itself
 from scenarios.openscenario.running.initial import brings
 from scenarios.openscenario.running.synchronize import Synchronize
@@ -57,7 +58,7 @@ def running(world: World, actor: Actor | None, action: model.Action) -> Running:
             case model.LaneOffsetAction():
                 return lateral.LaneOffset(world, actor, action)
             case model.LateralDistanceAction():
-                return lateral.LateralDistance(world, actor, action)
+                return LateralDistance(world, actor, action)
             case model.AcquirePositionAction():
                 return following.AcquirePosition(world, actor, action)
             case model.AnimationAction():

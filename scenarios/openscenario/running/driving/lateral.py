@@ -1,4 +1,4 @@
-"""Actions that move entities sideways: lane changes, lane offsets, lateral distances."""
+"""Actions that move entities sideways: lane changes, lane offsets, and what they share."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from scenarios.openscenario.motion.lateral import (
     count_of,
     too_steep,
 )
-from scenarios.openscenario.motion.paths import Path, backwards, straight
+from scenarios.openscenario.motion.paths import Path, backwards
 from scenarios.openscenario.motion.profiles import SLOPES, SpeedProfile
 from scenarios.openscenario.motion.way_behind import with_way_behind
 from scenarios.openscenario.running.actions import LATERAL, RunningAction
@@ -257,7 +257,7 @@ class LaneChange(_Sideways[model.LaneChangeAction]):
             self._begin(time_s, curve, offset, duration)
 
 
-class _Kept(_Sideways[LateralT_co]):
+class Kept(_Sideways[LateralT_co]):
     """An offset that may be kept beside an entity."""
 
     def start(self, time_s: float) -> None:
@@ -318,7 +318,7 @@ class _Kept(_Sideways[LateralT_co]):
         return not self.action.continuous and self._reached(instant)  # type: ignore[union-attr]
 
 
-class LaneOffset(_Kept[model.LaneOffsetAction]):
+class LaneOffset(Kept[model.LaneOffsetAction]):
     """LaneOffsetAction."""
 
     def start(self, time_s: float) -> None:
@@ -346,76 +346,3 @@ class LaneOffset(_Kept[model.LaneOffsetAction]):
         """Whom it stays beside."""
         target = self.action.target
         return frozenset({target.entity}) if isinstance(target, model.RelativeOffset) else frozenset()
-
-
-class LateralDistance(_Kept[model.LateralDistanceAction]):
-    """LateralDistanceAction; a change within limits has the shape of a cubic."""
-
-    shape = "cubic"
-
-    def __init__(self, world: World, actor: Actor, action: model.LateralDistanceAction) -> None:
-        super().__init__(world, actor, action)
-        # what it follows ends when this begins
-        self._trajectory = actor.path if actor.on_trajectory else None
-
-    def start(self, time_s: float) -> None:
-        """Find the side, and begin the change to the distance."""
-        self._side: float | None = None
-        super().start(time_s)
-
-    def _beside_what(self, time_s: float) -> Path:
-        """The entity's trajectory, or the middle of its lane; beside all lanes straight ahead of it.
-
-        Raises:
-            RunError: it follows no trajectory, or is in no lane, where one is needed.
-        """
-        who, system = self.who, self.action.system
-        if system == "trajectory":
-            if self._trajectory is None:
-                raise RunError(
-                    f"'{who.name}' is to keep a distance across its trajectory, and follows none at "
-                    f"{time_s:.3f} s"
-                )
-            return self._trajectory
-        pose = who.pose(time_s)
-        if system == "entity" and self.world.locator.roads.place(pose) is None:
-            return straight(pose)
-        return super()._beside_what(time_s)
-
-    def _target_m(self, time_s: float) -> float:
-        action = self.action
-        left, facing = self._beside(action.entity, time_s)
-        pose = self.who.pose(time_s)
-        own = self._middle.project(pose.x_m, pose.y_m)[1]
-        apart = 0.0
-        if action.freespace:
-            apart = 0.5 * (self.who.definition.width_m + self.world.actors[action.entity].definition.width_m)
-        if self._side is None:
-            on_left = own >= left if action.left is None else action.left == (facing > 0.0)
-            self._side = 1.0 if on_left else -1.0
-            self._distance_m = action.distance_m
-            if self._distance_m is None:
-                self._distance_m = max(self._side * (own - left) - apart, 0.0)
-        assert self._distance_m is not None
-        return left + self._side * (self._distance_m + apart)
-
-    def _duration(self, change_m: float) -> float:
-        limits = self.action.constraints
-        if limits is None:
-            return 0.0
-        accelerations = [
-            limit
-            for limit in (limits.max_acceleration_mps2, limits.max_deceleration_mps2)
-            if limit is not None
-        ]
-        durations = [math.sqrt(BENDS["cubic"] * change_m / limit) for limit in accelerations if limit > 0.0]
-        if limits.max_speed_mps:
-            durations.append(SLOPES["cubic"] * change_m / limits.max_speed_mps)
-        return max(durations, default=0.0)
-
-    def _follows(self) -> bool:
-        return self.action.continuous
-
-    def needs(self) -> frozenset[str]:
-        """Whom it stays beside."""
-        return frozenset({self.action.entity})

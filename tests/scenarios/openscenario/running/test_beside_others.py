@@ -81,8 +81,8 @@ ARC = (
 def lateral_distance(metres):
     return (
         '<PrivateAction><LateralAction><LateralDistanceAction entityRef="Other" freespace="false" '
-        f'continuous="true" distance="{metres}" displacement="rightToReferencedEntity"/></LateralAction>'
-        "</PrivateAction>"
+        f'continuous="true" distance="{metres}" coordinateSystem="lane" '
+        'displacement="rightToReferencedEntity"/></LateralAction></PrivateAction>'
     )
 
 
