@@ -310,13 +310,18 @@ class EntityCondition(Element, tag="ByEntityCondition", children="TriggeringEnti
 
 
 class Condition(Element):
-    """A condition with edge and delay; one that stays is met for good once it has been."""
+    """A condition with edge and delay; one that stays is met for good once it has been.
+
+    Args:
+        where: file and line of its element, for messages; empty: it is of no file.
+    """
 
     name: Annotated[str, Attribute("name")]
     delay_s: Annotated[float, Attribute("delay", 0.0, sign="not negative")]
     edge: Annotated[Edge, Attribute("conditionEdge")]
     kind: ValueConditionKind | EntityCondition
     stays: bool = False
+    where: str = ""
 
 
 Trigger: TypeAlias = tuple[tuple[Condition, ...], ...]

@@ -71,12 +71,12 @@ def _condition(node: Node, context: Context) -> Condition:
         kind = read(EntityCondition, child, context)
     else:
         kind = cast(ValueConditionKind, one_of(ValueConditionKind, child, context))
+    given: dict[str, object] = {"kind": kind, "name": _label(node, context)}
+    given["where"] = f"{node.file.name}:{node.element.sourceline}"
     if context.of_carla:
         node.choice("conditionEdge", " ".join(get_args(Edge)))
-        return declared(
-            *(Condition, node, context), kind=kind, name=_label(node, context), edge="none", stays=True
-        )
-    return declared(Condition, node, context, kind=kind, name=_label(node, context))
+        given.update(edge="none", stays=True)
+    return declared(Condition, node, context, **given)
 
 
 def _label(node: Node, context: Context) -> str:

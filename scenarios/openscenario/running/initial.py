@@ -161,8 +161,8 @@ def refuse_choice(condition: model.Condition, roads: Roads) -> None:
         return
     if (kind.along_route or kind.system in ("road", "lane")) and roads.forks:
         raise RunError(
-            f"condition '{condition.name}': routingAlgorithm='{kind.routing}' is not carried out where lanes "
-            "fork; the distance along the straightest is routingAlgorithm='undefined'"
+            f"condition '{condition.name}' ({condition.where}): routingAlgorithm='{kind.routing}' is not "
+            "carried out where lanes fork; the distance along the straightest is routingAlgorithm='undefined'"
         )
 
 

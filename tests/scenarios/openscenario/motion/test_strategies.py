@@ -72,8 +72,9 @@ def place(name, s):
     return lane_position(s, -1, 0.0, "", name)
 
 
-def assigned(strategy, goal=("E", 50)):
-    waypoints = f'<Waypoint routeStrategy="shortest">{place("W", 20)}</Waypoint>'
+def assigned(strategy, goal=("E", 50), lane=-1):
+    start = lane_position(20, lane, road_id="W")
+    waypoints = f'<Waypoint routeStrategy="shortest">{start}</Waypoint>'
     waypoints += f'<Waypoint routeStrategy="{strategy}">{place(*goal)}</Waypoint>'
     return (
         '<PrivateAction><RoutingAction><AssignRouteAction><Route name="r" closed="false">'
@@ -152,10 +153,13 @@ def test_distances_by_another_way_are_refused_where_lanes_fork(write, tmp_path, 
         act(maneuver(event("e", speed(1), trigger(condition(by_entity(NEAR.format(algorithm, system))))))),
         init=private("Ego", teleport(place("W", 20)), speed(10)) + private("Other", teleport(place("E", 50))),
     )
-    text = path.read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8").replace("<Condition ", "\n<Condition ")
+    path.write_text(text, encoding="utf-8")
     (tmp_path / "two_roads.xodr").write_text(network(), encoding="utf-8")
     if refused:
-        with pytest.raises(RunError, match=f"'c': routingAlgorithm='{algorithm}' is not carried"):
+        line = next(n for n, row in enumerate(text.splitlines(), 1) if row.startswith("<Condition"))
+        said = rf"'c' \(small\.xosc:{line}\): routingAlgorithm='{algorithm}' is not carried"
+        with pytest.raises(RunError, match=said):
             Engine(load(path))
     else:
         Engine(load(path))
@@ -182,6 +186,23 @@ def test_a_place_behind_is_driven_to_round_the_block(drive):
     away = np.hypot(run.x_m[:, 0] - 10, run.y_m[:, 0] + 2)
     assert away[:500].min() > 9.9
     assert away.min() < 0.06
+
+
+SECOND_LANE = (
+    "</lane></right>",
+    '</lane><lane id="-2" type="driving"><width sOffset="0" a="4" b="0" c="0" d="0"/></lane></right>',
+)
+"""A second lane on each road, which leads nowhere: who is in it changes to the first."""
+
+
+def test_a_strategy_that_asks_for_other_roads_and_lane_changes_is_refused(drive):
+    """To E only by a change to lane -1 of W: 100 m at 5 m/s or 120 m at 20 m/s."""
+    limits = ("5", "20")
+    with pytest.raises(RunError, match="routeStrategy 'fastest' asks for another way than 'shortest', with"):
+        drive(assigned("fastest", lane=-2), limits=limits, edit=SECOND_LANE)
+    for strategy, allowed in (("shortest", limits), ("fastest", ("", ""))):
+        engine, run = drive(assigned(strategy, lane=-2), limits=allowed, edit=SECOND_LANE)
+        assert way(engine, run, 9.0) == "near"
 
 
 def test_a_waypoint_behind_the_one_before_is_refused_where_nothing_leads_round(play):
