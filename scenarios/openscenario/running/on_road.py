@@ -6,8 +6,12 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 
+import numpy as np
+
+from opendrive.lanes.travel import ROUTE_LANE_TYPES
 from scenarios.openscenario import model
 from scenarios.openscenario.errors import RunError
+from scenarios.openscenario.motion.lane_place import LanePlace
 from scenarios.openscenario.motion.paths import Pose
 from scenarios.openscenario.running.actors import Actor, State
 from scenarios.openscenario.running.driving.separation import Separation
@@ -86,6 +90,8 @@ class OffRoad(Lasting):
 class Clearance(Holding):
     """RelativeClearanceCondition: no other entity is within a part of some lanes beside an entity.
 
+    Where none of the lanes is, nothing is clear, as in esmini.
+
     Args:
         condition: as read.
         actor: whose clearance it is.
@@ -94,6 +100,7 @@ class Clearance(Holding):
 
     def __init__(self, condition: model.RelativeClearanceCondition, actor: Actor, world: World) -> None:
         self._condition, self._actor, self._world = condition, actor, world
+        self._there: dict[tuple[int, int], bool] = {}
 
     def _others(self) -> Sequence[Actor]:
         names = self._condition.entities or tuple(self._world.actors)
@@ -101,11 +108,35 @@ class Clearance(Holding):
         return [other for other in actors if other is not self._actor and other.exists]
 
     def holds(self, instant: Instant) -> bool:
-        """Whether all of it is free."""
+        """Whether one of the lanes is there, and all of it is free."""
         so: bool | None = instant.memo.get(self)
         if so is None:
-            so = instant.memo[self] = not any(self._is_in(other, instant) for other in self._others())
+            so = self._is_there(instant) and not any(self._is_in(other, instant) for other in self._others())
+            instant.memo[self] = so
         return so
+
+    def _is_there(self, instant: Instant) -> bool:
+        """Whether the road has a lane to drive in of those asked for, where the entity is."""
+        place = self._world.road_distances.place(self._actor.pose_in(instant.state(self._actor.name)))
+        if place is None:
+            return False
+        key = place.lane, place.along_s
+        if key not in self._there:
+            lanes = self._world.locator.roads.network.lanes
+            ids = [
+                lanes.key[lane].lane_id
+                for lane in np.flatnonzero(lanes.section == lanes.section[place.lane]).tolist()
+                if str(lanes.lane_type[lane]) in ROUTE_LANE_TYPES
+            ]
+            self._there[key] = any(self._is_asked(place, lane_id) for lane_id in ids)
+        return self._there[key]
+
+    def _is_asked(self, place: LanePlace, lane_id: int) -> bool:
+        """Whether a lane is one of those asked for, as seen from a place."""
+        if not self._condition.opposite_lanes and lane_id * place.lane_id < 0:
+            return False
+        lanes, ranges = lanes_between(place.lane_id, lane_id) * place.along_s, self._condition.lanes
+        return not ranges or any(low <= lanes <= high for low, high in ranges)
 
     def _is_in(self, other: Actor, instant: Instant) -> bool:
         condition, distances = self._condition, self._world.road_distances
@@ -124,12 +155,7 @@ class Clearance(Holding):
         hit = None if place is None or beside is None else distances.relate(place, beside)
         if place is None or beside is None or hit is None:
             return False
-        lane_id = beside.lane_id * hit[2]
-        if not condition.opposite_lanes and lane_id * place.lane_id < 0:
-            return False
-        lanes = lanes_between(place.lane_id, lane_id) * place.along_s
-        ranges = condition.lanes
-        return not ranges or any(low <= lanes <= high for low, high in ranges)
+        return self._is_asked(place, beside.lane_id * hit[2])
 
 
 def lanes_between(lane_id: int, other_id: int) -> int:

@@ -187,6 +187,20 @@ def test_clearance(write, kind, time_s):
     assert first_s(write, kind, init) == pytest.approx(time_s, abs=0.051)
 
 
+@pytest.mark.parametrize(
+    ("lanes", "opposite", "time_s"),
+    [
+        ('<RelativeLaneRange from="1" to="2"/>', "false", None),  # to the left all come towards it
+        ('<RelativeLaneRange from="1" to="2"/>', "true", 0.0),
+        ('<RelativeLaneRange from="-1" to="-1"/>', "false", 0.0),
+        ('<RelativeLaneRange from="-3" to="-2"/>', "false", None),  # there are two lanes
+    ],
+)
+def test_no_lane_is_not_clear(write, lanes, opposite, time_s):
+    init = EGO_AT_START + private("Other", teleport(lane_position(250, lane=-2)))
+    assert first_s(write, clearance(lanes, opposite=opposite), init) == time_s
+
+
 def test_lanes_are_counted_without_a_lane_0():
     assert [lanes_between(-1, other) for other in (-2, -1, 1, 2)] == [-1, 0, 1, 2]
     assert [lanes_between(2, other) for other in (-1, 1, 2, 3)] == [-2, -1, 0, 1]
