@@ -3,6 +3,8 @@
 ScenarioRunner looks at no edges: what has been met stays met. A `step` lasts as long as its value.
 """
 
+import math
+
 import numpy as np
 import pytest
 
@@ -149,3 +151,45 @@ def test_obstacles_of_a_slalom(play):
         x, y, _, speed = played.of(name)
         np.testing.assert_allclose((x, -y), np.array(place)[:, None] + 0 * x, atol=1e-6)
         assert not speed.any()
+
+
+@pytest.mark.parametrize("ego_mps", [6.0, 8.0])
+def test_a_cyclist_who_crosses_a_little(play, ego_mps):
+    """After 10 m of the ego and closer than 14 m to it: 1.5 m at 2 m/s; on only once the ego stands."""
+    played = play("CyclistCrossing", ego_mps, until_s=15.0)
+    t = played.time_s
+    x, y, _, speed = played.of("adversary")
+    hx, hy, _, _ = played.of("hero")
+    near = (np.hypot(x - hx, y - hy) < 14.0) & (ego_mps * t >= 10.0)
+    starts_s = t[np.flatnonzero(near)[0]]
+    np.testing.assert_allclose(x, 95.5 - np.clip(2 * (t - starts_s), 0, 1.5), atol=0.021)  # within a step
+    np.testing.assert_allclose(x[t > starts_s + 0.8], 94.0, atol=1e-6)
+    np.testing.assert_allclose(y, -41, atol=1e-6)
+    assert not speed[t < starts_s - 0.011].any()
+    assert not speed[t > starts_s + 0.77].any()
+
+
+@pytest.mark.parametrize("ego_mps", [5.0, 8.0])
+def test_weather_changes_no_motion(play, ego_mps):
+    """From 20 s on the weather is another; the ego drives on at its speed."""
+    played = play("ChangingWeather", ego_mps, until_s=30.0)
+    np.testing.assert_allclose(gone(played, "hero"), ego_mps * played.time_s, atol=5e-3)
+    np.testing.assert_allclose(played.of("hero")[3], ego_mps, atol=1e-9)
+    assert played.run.end_time_s == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize("ego_mps", [4.0, 8.0])
+def test_an_offset_of_3_m_to_the_left(play, ego_mps):
+    """At the start the ego stands: by 45 degrees at most; then it keeps the offset along the lane."""
+    played = play("LaneOffsetActionExample", ego_mps, until_s=10.0)
+    t = played.time_s
+    x, y, yaw, _ = played.of("hero")
+    along = math.atan2(y[-1] - y[500], x[-1] - x[500])
+    ahead = (x - x[0]) * math.cos(along) + (y - y[0]) * math.sin(along)
+    left = (y - y[0]) * math.cos(along) - (x - x[0]) * math.sin(along)
+    across = np.minimum(ego_mps * t * math.sqrt(0.5), 3.0)
+    np.testing.assert_allclose(left, across, atol=5e-3)
+    np.testing.assert_allclose(
+        ahead, np.where(across < 3.0, across, ego_mps * t - 3 * (math.sqrt(2) - 1)), atol=0.01
+    )
+    np.testing.assert_allclose(yaw[t > 2], along, atol=1e-3)
