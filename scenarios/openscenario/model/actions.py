@@ -163,7 +163,7 @@ class LateralDistanceAction(
 
     Args:
         entity: the other.
-        distance_m: None: the one that it has.
+        distance_m: 0 where the file gives none.
         freespace: between outlines; else between reference points.
         continuous: the action goes on until something stops it.
         left: on which side of the entity; None: where it is.
@@ -172,7 +172,7 @@ class LateralDistanceAction(
     """
 
     entity: EntityName
-    distance_m: Annotated[float | None, Attribute("distance", sign="not negative")]
+    distance_m: Annotated[float, Attribute("distance", 0.0, sign="not negative")]
     freespace: Annotated[bool, Attribute("freespace")]
     continuous: Annotated[bool, Attribute("continuous")]
     left: Annotated[

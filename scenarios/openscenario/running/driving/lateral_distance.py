@@ -64,12 +64,8 @@ class LateralDistance(Kept[model.LateralDistanceAction]):
         if self._side is None:
             on_left = 2.0 * own >= right + left if action.left is None else action.left == (facing > 0.0)
             self._side = 1.0 if on_left else -1.0
-            edge = left if on_left else right
-            self._distance_m = action.distance_m
-            if self._distance_m is None:
-                self._distance_m = max(self._side * (own - edge), 0.0)
-        assert self._distance_m is not None
-        return left + self._distance_m if self._side > 0.0 else right - self._distance_m
+        distance = action.distance_m
+        return left + distance if self._side > 0.0 else right - distance
 
     def _edges(self, time_s: float) -> tuple[float, float, float, float]:
         """Offset of the actor, offsets at a distance of 0 to the right and left of the other, its direction.
@@ -116,7 +112,7 @@ class LateralDistance(Kept[model.LateralDistanceAction]):
         time_s = instant.time_s
         turns_back = self._along * self.who.asked_mps(time_s) < -STANDING_MPS
         new_route = self.who.route is not self._route
-        if self.action.system != "entity" or not self._reached(instant) or turns_back or new_route:
+        if not self._reached(instant) or turns_back or new_route:
             self._seen, self._across_mps = None, 0.0
             return super().update(instant)
         if time_s <= self._begin_s:
@@ -153,9 +149,7 @@ class LateralDistance(Kept[model.LateralDistanceAction]):
 
     def ended(self, instant: Instant) -> bool:
         """At the distance, unless it is to be kept."""
-        if self.action.system == "entity" and not self._kept:
-            return False
-        return super().ended(instant)
+        return self._kept and super().ended(instant)
 
     def _follows(self) -> bool:
         return self.action.continuous

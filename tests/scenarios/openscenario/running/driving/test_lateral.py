@@ -279,7 +279,7 @@ def test_an_offset_beside_an_entity_that_moves_is_kept(play):
         (aside('distance="1"', freespace="false"), -2.75),
         (aside('distance="1"', "leftToReferencedEntity"), -1.75 + 3),
         (aside('distance="1"', continuous="false"), -4.75),
-        (aside("", inner='<DynamicConstraints maxAcceleration="2"/>'), -5.25),
+        (aside("", inner='<DynamicConstraints maxAcceleration="2"/>'), -1.75 - 2),  # no distance is 0
     ],
 )
 def test_lateral_distance(play, action, y):
