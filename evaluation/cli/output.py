@@ -88,14 +88,13 @@ def replace_results(context: typer.Context, folder: Path) -> Path:
                 f"{folder}: has {known[0]} of a call that is not known; remove it, or name another folder "
                 "(--out)"
             )
+        line = f"smartmot-eval: results of another call in {folder} are replaced"
         try:
-            replaced = begin(folder, _call(context))
+            begin(folder, _call(context), lambda: typer.echo(line, err=True))
         except OSError as error:
             raise ResultsError(
                 f"{folder}: cannot be written ({error.strerror}); name another folder (--out)"
             ) from None
-    if replaced:
-        typer.echo(f"smartmot-eval: results of another call in {folder} are replaced", err=True)
     return folder
 
 

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 CALL = ".smartmot-call"
 
 _open: Path | None = None
 """Folder whose files are noted."""
-_to_replace: tuple[str, tuple[str, ...]] | None = None
-"""Call that begins in it with the first file that it writes, and the files of the call before."""
+_to_replace: tuple[str, tuple[str, ...], Callable[[], None]] | None = None
+"""Call that begins in it with its first file, the files of the call before, and who says that these go."""
 
 
 def call_text(command: str, arguments: Mapping[str, str]) -> str:
@@ -31,13 +31,15 @@ def call_of(folder: Path) -> str | None:
     return lines[0] if lines else None
 
 
-def begin(folder: Path, call: str) -> bool:
+def begin(folder: Path, call: str, say: Callable[[], None] = lambda: None) -> None:
     """Note a call, and from now on the files that are written into the folder, which must exist.
 
     Files of another call are removed when the first is written: a call that fails before costs nothing.
 
-    Returns:
-        Whether there are files of another call.
+    Args:
+        folder: of the results.
+        call: `call_text`.
+        say: called when files of another call are removed.
 
     Raises:
         OSError: the folder cannot be written.
@@ -48,10 +50,9 @@ def begin(folder: Path, call: str) -> bool:
     # nothing is touched that lies elsewhere, whatever the file says
     written = [name for name in dict.fromkeys(names) if _is_inside(_open / name) and (_open / name).is_file()]
     if first != call and written:
-        _to_replace = call, tuple(written)
-        return True
-    _write(_open, call, written)
-    return False
+        _to_replace = call, tuple(written), say
+    else:
+        _write(_open, call, written)
 
 
 def go_on(folder: Path) -> None:
@@ -76,7 +77,8 @@ def note(path: Path) -> None:
     if _open is None or not _is_inside(path):
         return
     if _to_replace is not None:
-        (call, names), _to_replace = _to_replace, None
+        (call, names, say), _to_replace = _to_replace, None
+        say()
         _remove(_open, names)
         _write(_open, call, ())
         path.parent.mkdir(parents=True, exist_ok=True)  # it was empty then

@@ -26,9 +26,10 @@ from smartmot.plugins import is_plugin, plugin
 
 OF_EVALUATION = (
     "metrics/criticality.py", "metrics/detection/counts.py", "metrics/detection/from_above.py",
-    "protocols/bands.py", "protocols/paper.py", "results/logs.py", "results/rows.py", "results/seal.py",
-    "runs/execution.py", "studies/answers/lidar/runs.py", "studies/answers/measures.py",
-    "studies/compare/measures.py", "studies/detectors/clouds.py", "studies/detectors/comparison.py",
+    "metrics/rear_end.py", "protocols/bands.py", "protocols/paper.py", "results/logs.py", "results/rows.py",
+    "results/seal.py", "runs/execution.py", "studies/answers/lidar/runs.py", "studies/answers/measures.py",
+    "studies/answers/severity/runs.py", "studies/compare/measures.py", "studies/detectors/clouds.py",
+    "studies/detectors/comparison.py",
     "studies/drive/drive.py", "studies/drive/exposure.py", "studies/drive/measures.py",
     "studies/drive/verdicts.py", "studies/growth.py", "studies/reference/mechanisms.py",
 )  # fmt: skip

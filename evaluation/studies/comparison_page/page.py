@@ -234,7 +234,7 @@ def logs_of_scenes(
 
 
 def logs_of_study(folders: Sequence[Path], allow_plugins: bool) -> tuple[dict[Hashable, Shown], list[str]]:
-    """The logged runs of a question, by the number of the side and the scene; see `logs_of_scenes`."""
+    """The logged runs of a question, by the number of the side and the scenario; see `logs_of_scenes`."""
     logs: dict[Hashable, Shown] = {}
     notes: list[str] = []
     for path in folders:

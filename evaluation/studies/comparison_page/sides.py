@@ -220,15 +220,18 @@ def sides_of_study(folder: Path) -> list[Side]:
 
 
 def _runs_of_study(folder: Path) -> Iterator[tuple[Mapping[Any, Any], Ended]]:
-    """Rows of `runs.csv.gz`, and how each ended; a log is known by the number of its side, and its scene."""
+    """Rows of `runs.csv.gz`, and how each ended; a log is known by its side's number and its scenario."""
     columns = ("scene", "variant", "must", "name", "preset", "settings", "collided", "false_activation")
     runs = read_table(folder / "runs.csv.gz", (*columns, "unnecessary_stop", "end_reason"))
     numbers: dict[tuple[str, ...], int] = {}
     for row in runs.rename(columns={"unnecessary_stop": "needless_stop"}).to_dict("records"):
         arm = (row["name"], row["preset"], row["settings"])
         number = numbers.setdefault(arm, len(numbers))
-        title = ", ".join(filter(None, (row["variant"], row["scene"])))
-        yield row, Ended(title, compared_outcome(row), (number, row["scene"]))
+        title, scenario = (
+            ", ".join(filter(None, names))
+            for names in ((row["variant"], row["scene"]), (row["scene"], row["variant"]))
+        )
+        yield row, Ended(title, compared_outcome(row), (number, scenario))
 
 
 def _sides_by_measure(rows: pd.DataFrame, folder: Path) -> list[Side]:

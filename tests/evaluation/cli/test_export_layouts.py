@@ -129,7 +129,10 @@ def test_a_drive_of_one_layout_in_the_other(tmp_path: Path, monkeypatch: pytest.
             "--sensor none: no LiDAR, so neither street nor points",
         ),
         ((FIELD / "good", "--format", "simbev", "--street-seed", 1), "--street-seed: add --street furnished"),
-        ((FIELD / "good", "--format", "openscenario", "--min-points", 1), "--min-points: for data sets, not"),
+        (
+            (FIELD / "good", "--format", "openscenario", "--min-points", 1),
+            "--min-points: has no effect with --format",
+        ),
     ],
 )
 def test_mistakes_are_one_line(

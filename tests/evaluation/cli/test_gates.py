@@ -102,7 +102,7 @@ def test_every_command_that_scores_has_a_gate() -> None:
 
     without = {
         "list", "plot", "report", "replay", "map", "export", "reference", "scenes", "rows",
-        "lidar bench", "lidar convert", "lidar detect", "lidar train", "lidar export",
+        "lidar bench", "lidar convert", "lidar train", "lidar export",
         "lidar dataset make", "lidar dataset show", "lidar dataset check",
     }  # fmt: skip
 

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from evaluation.cli import main
+from evaluation.results.calls import CALL
 from evaluation.studies.mot.tables import TRACKS_NUSCENES
 from scenarios.catalogue.maps import shipped_map
 from tests.scenarios.recorded import argoverse_log
@@ -55,7 +56,7 @@ def test_tables_and_files(
     assert "HOTA" in shown
     assert "miss" in shown
     assert {path.name for path in out.iterdir()} == {
-        *("0.txt", "tracks.csv", TRACKS_NUSCENES, "metrics.csv", "forecast.csv")
+        *("0.txt", "tracks.csv", TRACKS_NUSCENES, "metrics.csv", "forecast.csv", CALL)
     }
     metrics = pd.read_csv(out / "metrics.csv")
     assert metrics["similarity"].unique().tolist() == ["distance", "iou"]
@@ -142,7 +143,7 @@ def test_without_labels_there_are_tracks_only(
     (drive / "labels.csv").unlink()
     assert call(monkeypatch, drive, "--out", tmp_path / "out") == 0
     assert "no labels: tracks only, no metrics" in capsys.readouterr().out
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["tracks.csv"]
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"tracks.csv", CALL}
 
 
 @pytest.mark.parametrize(("score", "share"), [(0.39, "4 %"), (0.4, None)])
@@ -218,8 +219,8 @@ def test_a_profile_is_written_and_taken(
         (("--similarity", "volume"), "--similarity: unknown 'volume'"),
         (("--threshold", "0.5"), "--threshold: unknown '0.5'"),
         (("--write", "xml"), "--write: unknown 'xml'"),
-        (("--frames", "5"), "--frames: expected FIRST..LAST"),
-        (("--frames", "9..5"), "--frames: expected FIRST..LAST"),
+        (("--gif", "a.gif", "--frames", "5"), "--frames: expected FIRST..LAST"),
+        (("--gif", "a.gif", "--frames", "9..5"), "--frames: expected FIRST..LAST"),
         (("--sequence", "7"), "--sequence: no '7'; there are: 0"),
         (("--gif", "a.gif", "--frames", "90..95"), "--frames: sequence 0 has 50 frames"),
         (("--map", "nowhere.xodr"), "nowhere.xodr"),

@@ -29,14 +29,18 @@ def test_another_call_removes_what_the_first_has_written_and_nothing_else(tmp_pa
     (tmp_path / "mine.txt").write_text("kept")
     (tmp_path / "logs").mkdir()
     (tmp_path / "logs" / "mine.parquet").write_text("kept")
-    assert not begin(tmp_path, FIRST)
+    said: list[str] = []
+    begin(tmp_path, FIRST, lambda: said.append("first"))
     for name in ("runs.csv", "logs/a.parquet", "old/b.png"):
         write_bytes(tmp_path / name, b"first")
-    assert begin(tmp_path, SECOND)
+    begin(tmp_path, SECOND, lambda: said.append("second"))
     assert call_of(tmp_path) == FIRST
     assert "logs/a.parquet" in names(tmp_path), "a call that fails before it writes costs nothing"
+    assert said == []
     write_bytes(tmp_path / "runs.csv", b"second")
-    assert names(tmp_path) == {"mine.txt", "logs/mine.parquet", "runs.csv"}
+    write_bytes(tmp_path / "table.md", b"second")
+    assert said == ["second"]
+    assert names(tmp_path) == {"mine.txt", "logs/mine.parquet", "runs.csv", "table.md"}
     assert not (tmp_path / "old").exists()
     assert (tmp_path / "runs.csv").read_bytes() == b"second"
     assert call_of(tmp_path) == SECOND
@@ -52,10 +56,10 @@ def test_a_folder_that_was_emptied_is_used_again(tmp_path: Path) -> None:
 
 def test_the_same_call_keeps_what_it_has_written(tmp_path: Path) -> None:
     for _ in range(2):
-        assert not begin(tmp_path, FIRST)
+        begin(tmp_path, FIRST, lambda: pytest.fail("nothing is replaced"))
         write_bytes(tmp_path / "runs.csv", b"first")
     assert (tmp_path / CALL).read_text().splitlines() == [FIRST, "runs.csv", "runs.csv"]
-    assert begin(tmp_path, SECOND)
+    begin(tmp_path, SECOND)
     write_bytes(tmp_path / "table.md", b"second")
     assert names(tmp_path) == {"table.md"}
 
@@ -64,7 +68,7 @@ def test_files_that_a_killed_call_has_written_are_known(tmp_path: Path) -> None:
     begin(tmp_path, FIRST)
     write_bytes(tmp_path / "logs" / "a.parquet", b"first")
     end()  # as a process that was killed: nothing is done at its end
-    assert begin(tmp_path, SECOND)
+    begin(tmp_path, SECOND)
     write_bytes(tmp_path / "runs.csv", b"second")
     assert names(tmp_path) == {"runs.csv"}
 

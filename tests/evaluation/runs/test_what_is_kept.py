@@ -22,6 +22,7 @@ ROOT = Path(evaluation.__file__).parent
 
 BESIDE = {
     "protocols/errors.py": "kinds of errors",
+    "results/calls.py": "which call wrote a folder",
     "results/files.py": "kinds of errors, names of files, and how bytes come to disk",
     "studies/reference/cpna.py": "the name of the log's file",
 }
@@ -109,7 +110,7 @@ def test_the_jobs_are_found_and_no_module_is_listed_in_vain() -> None:
     found: set[Definition] = set()
     for module, job in _jobs().values():
         _follow(module, job, found)
-    assert len(_jobs()) == 8 + 1
+    assert len(_jobs()) == 9 + 1
     assert {("studies/answers/measures.py", "decide"), ("runs/execution.py", "frame_time")} <= found
     assert ("studies/compare/measures.py", "is_unnecessary_stop") in found
     assert {module for module, _ in found} == {*OF_EVALUATION, *BESIDE}

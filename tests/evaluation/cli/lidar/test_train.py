@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 
 from benchmarks.training_frames import fresh_streets
-from evaluation.cli.lidar.train import export_command
+from evaluation.cli.entry import app
 from evaluation.errors import ArgumentError
 from evaluation.studies.detectors.quality import QualityOptions, measured_quality
 from evaluation.studies.training import NETWORK
@@ -17,14 +18,20 @@ from smartmot.errors import ConfigError
 from smartmot.lidar.learned import LearnedConfig, shipped_network, shipped_path
 
 
+def export(network: object, out: Path, *words: object) -> None:
+    """The command, whose errors are raised."""
+    given = ("lidar", "export", network, "--out", out, *words, "--quiet")
+    typer.main.get_command(app)([str(word) for word in given], standalone_mode=False)
+
+
 def test_a_trained_network_is_copied_without_pytorch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("torch", "onnx", "onnxruntime"):
         monkeypatch.setitem(sys.modules, name, None)
     out = tmp_path / "copy.onnx"
     with pytest.raises(ArgumentError, match=r"network.onnx: no network; finish the training first"):
-        export_command(tmp_path, out, quiet=True)
+        export(tmp_path, out)
     (tmp_path / NETWORK).write_bytes(b"weights")
-    export_command(tmp_path, out, quiet=True)
+    export(tmp_path, out)
     assert out.read_bytes() == b"weights"
 
 
@@ -37,7 +44,7 @@ def test_the_shipped_network_gets_integers_without_pytorch(
     folder = tmp_path / "Größe und Maß"
     folder.mkdir()
     out = folder / "klein 8.onnx"
-    export_command(Path("pillars"), out, int8=True, calibrate=6, quiet=True)
+    export("pillars", out, "--int8", "--calibrate", 6)
     assert out.stat().st_size < 0.4 * shipped_path("pillars").stat().st_size
     small = LearnedConfig(out)
     assert small.network.decoder == shipped_network().network.decoder
@@ -53,20 +60,20 @@ def test_the_shipped_network_gets_integers_without_pytorch(
     assert f1[0] > 0.5
     assert abs(f1[1] - f1[0]) < 0.1
     with pytest.raises(ArgumentError, match="has integers of 8 bits already"):
-        export_command(out, tmp_path / "again.onnx", int8=True, calibrate=1, quiet=True)
+        export(out, tmp_path / "again.onnx", "--int8", "--calibrate", 1)
     assert not (tmp_path / "again.onnx").exists()
 
 
 def test_a_network_of_a_file_is_copied_and_what_makes_no_sense_is_refused(tmp_path: Path) -> None:
     out = tmp_path / "copy.onnx"
-    export_command(shipped_path("pillars"), out, quiet=True)
+    export(shipped_path("pillars"), out)
     assert out.read_bytes() == shipped_path("pillars").read_bytes()
-    with pytest.raises(ArgumentError, match="--calibrate is for --int8"):
-        export_command(out, tmp_path / "b.onnx", calibrate=3, quiet=True)
-    with pytest.raises(ArgumentError, match="--data is for --int8"):
-        export_command(out, tmp_path / "b.onnx", data=tmp_path, quiet=True)
+    with pytest.raises(ArgumentError, match="--calibrate: has no effect without --int8; add it"):
+        export(out, tmp_path / "b.onnx", "--calibrate", 3)
+    with pytest.raises(ArgumentError, match="--data: has no effect without --int8; add it"):
+        export(out, tmp_path / "b.onnx", "--data", tmp_path)
     with pytest.raises(ArgumentError, match="is the network itself"):
-        export_command(out, out, quiet=True)
+        export(out, out)
     with pytest.raises(ConfigError, match=r"missing\.onnx: cannot be read"):
-        export_command(tmp_path / "missing.onnx", tmp_path / "b.onnx", quiet=True)
+        export(tmp_path / "missing.onnx", tmp_path / "b.onnx")
     assert not (tmp_path / "b.onnx").exists()

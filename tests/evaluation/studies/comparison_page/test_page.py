@@ -76,7 +76,8 @@ def test_points_of_a_study_open_their_own_runs(tmp_path: Path) -> None:
     assert len(points) == len(results.runs)
     assert len(views) == 4 * len(points)
     for point, (arm, runs) in zip(points, results.runs.items(), strict=True):
-        by_scene = dict(zip((scene.name for scene in results.scenes), runs, strict=True))
+        names = (scene.name.split(", ")[0] for scene in results.scenes)
+        by_scene = dict(zip(names, runs, strict=True))
         assert len(point.lines) == 4
         for line in point.lines:
             scene = line.title.rpartition(", ")[2]
