@@ -340,7 +340,10 @@ class LaneOffset(Kept[model.LaneOffsetAction]):
         return math.sqrt(BENDS[self.shape] * change_m / limit)
 
     def _follows(self) -> bool:
-        return self.action.continuous and isinstance(self.action.target, model.RelativeOffset)
+        """One from the entity itself is from where it is at the start: it would never end else."""
+        target = self.action.target
+        is_beside = isinstance(target, model.RelativeOffset) and target.entity != self.who.name
+        return self.action.continuous and is_beside
 
     def needs(self) -> frozenset[str]:
         """Whom it stays beside."""

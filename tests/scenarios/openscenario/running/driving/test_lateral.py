@@ -272,6 +272,14 @@ def test_an_offset_beside_an_entity_that_moves_is_kept(play):
     assert at(run, "Other", 8.0)[1] == pytest.approx(-2.75, abs=1e-3)
 
 
+@pytest.mark.parametrize("continuous", ["true", "false"])
+def test_an_offset_from_the_entity_itself_is_from_where_it_is_at_the_start(play, continuous):
+    own = lane_offset('entityRef="Other" value="1"', continuous=continuous, target="RelativeTargetLaneOffset")
+    _, run = begun(play, own)
+    for time_s in (3.0, 6.0):
+        assert at(run, "Other", time_s)[1] == pytest.approx(-5.25 + 1.0, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("action", "y"),
     [
