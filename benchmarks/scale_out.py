@@ -270,7 +270,7 @@ def section(content: dict[str, Any] | None) -> str:
             if kind == "pool"
             else f"scheduler, {k} worker{'s' * (k != '1')}"
         )
-        beside = f"{1e3 * costs['per_run_s']:.1f} ms | {costs['start_s']:.1f} s"
+        beside = f"{1e3 * costs['per_run_s']:.1f} ms | {round(costs['start_s'], 1) + 0.0:.1f} s"
         if kind == "pool" and k != "1":
             beside = "– | –"  # processes of a local pool are children of another one, and are not measured
         lines.append(
