@@ -94,7 +94,8 @@ def comparison_content(
         words, sides = read_words(directory / "answer.md", "Results"), read.sides_of_study(directory)
         axes = [(read.STUDY_STOPS, read.AVOIDED)]
         logs, missing = logs_of_study(folders, allow_plugins)
-        notes += missing or ([] if folders else [WITHOUT_LOGS.format("study")])
+        # a question without points (curves, severities) keeps no logs
+        notes += missing or ([] if folders or not sides else [WITHOUT_LOGS.format("study")])
     elif on_drives:
         words, sides = (
             read_words(directory / "table.md", "Requests and exposure"),
@@ -166,7 +167,9 @@ def _title(configuration: Mapping[str, object], on_drives: bool) -> str:
 
 
 def _facts(configuration: Mapping[str, object], sides: Sequence[Side]) -> dict[str, str]:
-    facts = {"Sides": str(len(sides)), "Runs": str(sum(len(side.runs) for side in sides))}
+    facts: dict[str, str] = {}
+    if sides:
+        facts |= {"Sides": str(len(sides)), "Runs": str(sum(len(side.runs) for side in sides))}
     if seeds := configuration.get("seeds"):
         facts["Seeds"] = str(seeds)
     if version := configuration.get("version"):

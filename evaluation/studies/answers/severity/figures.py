@@ -41,7 +41,8 @@ def severity_rows(costs: Sequence[Cost], where: str) -> Figure:
     stops.set_title("unnecessary stops", fontsize=FONT_PT, pad=4.0)
     avoided.set_yticks(range(len(costs)), texts[::-1], fontsize=SMALL_PT)
     avoided.set_ylim(-0.6, len(costs) - 0.4)
-    stops.legend(fontsize=SMALL_PT, loc="lower right", framealpha=0.8)
+    marks = stops.get_legend_handles_labels()
+    figure.legend(*marks, fontsize=SMALL_PT, loc="upper right", ncols=2, frameon=False)
     figure.text(0.01, 1 - 0.22 / height_in, f"Severity of false activations: {where}", fontsize=FONT_PT)
     figure.text(
         0.5, 0.08 / height_in, "Bars: 95 % intervals over the scenes.", ha="center", fontsize=SMALL_PT - 1.0,

@@ -255,6 +255,8 @@ def _least_whatever_weighs(results: Results, arms: Sequence[Arm]) -> str:
         lowest = min((value for value in means.values() if not math.isnan(value)), default=math.nan)
         least.append({name for name, value in means.items() if value <= lowest})
     always = set.intersection(*least)
+    if len(always) == len(arms) > 1:
+        return "Whatever the weights, no side has less weighed stops than another in these scenes."
     if always:
         return f"Whatever the weights, the least weighed stops in these scenes: {', '.join(sorted(always))}."
     parts = [

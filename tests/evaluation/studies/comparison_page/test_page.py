@@ -36,6 +36,17 @@ def test_every_side_is_a_point_with_its_runs(name: str) -> None:
     assert "logs" in content.notes[0]
 
 
+@pytest.mark.parametrize("name", ["break-even", "sensor"])
+def test_a_page_counts_no_sides_and_promises_no_logs_where_it_has_no_points(name: str) -> None:
+    content = comparison_content(REPORTS / name)
+    assert content.comparison is not None
+    assert content.comparison.sentences
+    has_points = bool(content.comparison.points)
+    assert ("Sides" in content.facts) == ("Runs" in content.facts) == has_points
+    assert any("--logs" in note for note in content.notes) == has_points
+    assert content.facts.get("Runs") != "0"
+
+
 def test_runs_behind_a_point_are_those_that_its_rate_counts() -> None:
     folder = REPORTS / "frontier_physical"
     content = comparison_content(folder)

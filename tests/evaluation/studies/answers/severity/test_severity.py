@@ -96,6 +96,8 @@ def test_the_answer_is_in_words_first_and_names_the_least_whatever_weighs() -> N
     )
     other = results({"paper": [HARD, NONE, NONE, NONE], "staged": [SOFT, SOFT, SOFT, SOFT]})
     assert STUDY.answer(other).sentences[-1].startswith("Which side has the least weighed stops depends on")
+    none = results({"paper": [NONE] * 4, "staged": [NONE] * 4})
+    assert STUDY.answer(none).sentences[-1].startswith("Whatever the weights, no side has less")
     page = answer.markdown().decode()
     assert "Weights: 1, 1, 1 (assumed; --weights)" in page
     assert answer.tables["By weights"].rows[0][0] == "path with paper"
