@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from smartmot.area.monitored import Relevance, ego_span, is_vulnerable, outline_points
+from smartmot.area.stretches import Stretches
 from smartmot.area.way import PATH_CLEARANCE_M
 from smartmot.decision.braking import overhang_m
 from smartmot.errors import ConfigError
 from smartmot.maps.lane_map import LaneMap, Side
 from smartmot.maps.route import Route
-from smartmot.maps.strips import LaneStrip, Segments, StripSet, lane_strip, ring
+from smartmot.maps.strips import LaneStrip, StripSet, lane_strip, ring
 from smartmot.maps.walks import side_lane
 from smartmot.types import BoolArray, Boxes, EgoState, FloatArray, StrArray, unchecked
 
@@ -29,6 +30,8 @@ LEAST_CROSSING_M2 = 0.1
 """Lanes whose surfaces share less only touch, or meet by rounding."""
 _LEAST_M = 0.1
 """Shorter stretches of a neighbouring lane are left out."""
+_FEW_ENTRIES = 16
+"""Up to so many lanes a loop over all of them is quicker than a search for the near ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,23 +83,27 @@ class MonitoredLane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MonitoredLanes:
-    """The map area at one moment; see `MonitoredArea`."""
+    """The map area at one moment; see `MonitoredArea`.
+
+    What is near the ego is looked up when it is first asked for: in many frames nobody is there to be placed.
+
+    Args:
+        ego: odometry now, map frame.
+        map_area: whose lanes these are.
+    """
 
     ego: EgoState
-    entries: tuple[_Entry, ...]
-    spans_m: FloatArray
-    strips: StripSet
-    current: BoolArray
-    route: Route
-    path_m: tuple[float, float]
-    reach_m: float | None
-    _segments: tuple[Segments | None, Segments | None] = field(default=(None, None), init=False, repr=False)
+    map_area: MapArea
+    _spans: list[tuple[int, float, float, float]] | None = field(default=None, init=False, repr=False)
+    _monitored_lanes: Stretches | None = field(default=None, init=False, repr=False)
+    _route_lanes: Stretches | None = field(default=None, init=False, repr=False)
 
     @property
     def lanes(self) -> tuple[MonitoredLane, ...]:
         """The monitored stretches, behind the ego and ahead of it."""
         stretches = []
-        for entry, (begin, middle, end) in zip(self.entries, self.spans_m.T.tolist(), strict=True):
+        for k, begin, middle, end in self._near():
+            entry = self.map_area.entries[k]
             if middle > begin:
                 stretches.append(MonitoredLane(entry.strip, entry.role, False, begin, middle))
             if end > middle:
@@ -104,24 +111,40 @@ class MonitoredLanes:
         return tuple(stretches)
 
     @property
-    def _monitored(self) -> Segments:
-        """What is monitored of the strips: what is behind and what is ahead join at the ego."""
-        monitored, ahead = self._segments
-        if monitored is None:
-            begin, _, end = self.spans_m
-            monitored = self.strips.between(begin, end, end > begin)
-            object.__setattr__(self, "_segments", (monitored, ahead))
-        return monitored
+    def reach_m(self) -> float | None:
+        """How far ahead of the ego's centre an object may count; None: as far as it is monitored."""
+        reach_m = self.map_area.config.reach_m
+        return None if reach_m is None else reach_m + overhang_m(self.ego)
+
+    def _near(self) -> list[tuple[int, float, float, float]]:
+        """Stations along the strips of the monitored entries: first one monitored, the ego's, last one."""
+        if self._spans is None:
+            object.__setattr__(self, "_spans", self.map_area.spans(self.ego))
+        assert self._spans is not None
+        return self._spans
 
     @property
-    def _ahead(self) -> Segments:
+    def _monitored(self) -> Stretches:
+        """What is monitored of the strips: what is behind and what is ahead join at the ego."""
+        if self._monitored_lanes is None:
+            stretches = [(k, begin, end) for k, begin, _, end in self._near()]
+            object.__setattr__(self, "_monitored_lanes", Stretches(self.map_area.strips, stretches))
+        assert self._monitored_lanes is not None
+        return self._monitored_lanes
+
+    @property
+    def _ahead(self) -> Stretches:
         """The route's lanes ahead of the ego."""
-        monitored, ahead = self._segments
-        if ahead is None:
-            _, middle, end = self.spans_m
-            ahead = self.strips.between(middle, end, self.current & (end > middle))
-            object.__setattr__(self, "_segments", (monitored, ahead))
-        return ahead
+        if self._route_lanes is None:
+            entries = self.map_area.entries
+            stretches = [
+                (k, middle, end)
+                for k, _, middle, end in self._near()
+                if end > middle and entries[k].role == CURRENT
+            ]
+            object.__setattr__(self, "_route_lanes", Stretches(self.map_area.strips, stretches))
+        assert self._route_lanes is not None
+        return self._route_lanes
 
     def kept(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) objects in a monitored lane; VRUs also in the margins."""
@@ -130,12 +153,12 @@ class MonitoredLanes:
         vru = is_vulnerable(category)
         vru_count = np.count_nonzero(vru)
         if vru_count == len(vru):
-            return _any(self._monitored.in_margins(boxes.center_m[:, None])[1])
+            return self._monitored.in_margins(boxes.center_m)
         if not vru_count:
-            return _touched(boxes, self._monitored)
+            return self._monitored.touched(boxes)
         kept = np.zeros(len(vru), dtype=np.bool_)
-        kept[vru] = _any(self._monitored.in_margins(boxes.center_m[vru][:, None])[1])
-        kept[~vru] = _touched(boxes[~vru], self._monitored)
+        kept[vru] = self._monitored.in_margins(boxes.center_m[vru])
+        kept[~vru] = self._monitored.touched(boxes[~vru])
         return kept
 
     def relevance(self, boxes: Boxes, category: StrArray) -> Relevance:
@@ -143,27 +166,29 @@ class MonitoredLanes:
         within_reach = self.within_reach(boxes, category)
         in_route, on_way = np.zeros(len(boxes), dtype=np.bool_), np.zeros(len(boxes), dtype=np.bool_)
         vru = is_vulnerable(category)
-        vrus, vehicles = np.flatnonzero(within_reach & vru), np.flatnonzero(within_reach & ~vru)
+        vrus, vehicles = (within_reach & vru).nonzero()[0], (within_reach & ~vru).nonzero()[0]
         if len(vrus):
-            _, in_lane, in_margin = self._ahead.place(boxes.center_m[vrus][:, None])
-            in_route[vrus], on_way[vrus] = _any(in_margin), _any(in_lane)
+            on_way[vrus], in_route[vrus] = self._ahead.place(boxes.center_m[vrus])
         if len(vehicles):
-            in_route[vehicles] = _touched(boxes[vehicles], self._ahead)
+            route, (first_m, last_m) = self.map_area.route, self.map_area.path_m(self.ego)
+            of_vehicles = boxes[vehicles]
+            in_route[vehicles] = self._ahead.touched(of_vehicles)
             # a vehicle beside the path is passed, even where it stands with a wheel in the lane
-            station, offset = self.route.place(outline_points(boxes[vehicles]))
+            station, offset = route.place(outline_points(of_vehicles))
             near = np.abs(offset) <= self.ego.width_m / 2 + PATH_CLEARANCE_M
-            near &= (station >= self.path_m[0]) & (station <= self.path_m[1])
+            near &= (station >= first_m) & (station <= last_m)
             on_way[vehicles] = _of_outlines(near)
         return unchecked(Relevance, in_route, on_way, within_reach)
 
     def within_reach(self, boxes: Boxes, category: StrArray) -> BoolArray:
         """(N,) boxes not wholly behind the ego's centre, and no farther ahead than objects may count."""
         x_min, x_max = ego_span(boxes, self.ego)
-        return x_max >= 0.0 if self.reach_m is None else (x_max >= 0.0) & (x_min <= self.reach_m)
+        reach_m = self.reach_m
+        return x_max >= 0.0 if reach_m is None else (x_max >= 0.0) & (x_min <= reach_m)
 
     def on_lane(self, center_m: FloatArray) -> BoolArray:
         """(N,) points on the route's lanes ahead."""
-        return _any(self._ahead.in_lanes(center_m[:, None])[1])
+        return self._ahead.in_lanes(center_m)
 
     def polygons(self) -> list[tuple[str, FloatArray]]:
         """Outlines: the VRU margins first, the lanes over them."""
@@ -173,23 +198,6 @@ class MonitoredLanes:
             for x in self.lanes
         ]
         return margins + lanes
-
-
-def _touched(boxes: Boxes, segments: Segments) -> BoolArray:
-    """(N,) boxes with an outline point in a lane where the segments count."""
-    touched = np.zeros(len(boxes), dtype=np.bool_)
-    radius_m = 0.5 * np.hypot(boxes.size_m[:, 0], boxes.size_m[:, 1])
-    box, segment = segments.near(boxes.center_m, radius_m)
-    if len(box):
-        points = outline_points(boxes).reshape(-1, 9, 2)[box]
-        touched[box[_any(segments.pairs(segment).in_lanes(points)[1])]] = True
-    return touched
-
-
-def _any(mask: BoolArray) -> BoolArray:
-    """(N,) whether any segment holds, from (N, S)."""
-    held: BoolArray = np.logical_or.reduce(mask, axis=1)
-    return held
 
 
 def _of_outlines(mask: BoolArray) -> BoolArray:
@@ -231,17 +239,11 @@ class MapArea:
                     entry_m = float(route.entry_m[k])
                     crossing = lane_strip(network, lane, config.vru_margin_m)
                     entries.append(_Entry(crossing, role, k, entry_m, entry_m + strip.length_m))
-        self._entries = tuple(entries)
+        self.entries = tuple(entries)
         self.strips = StripSet([entry.strip for entry in entries])
-        # every frame asks for all of them
+        # every frame asks for the entries near it
         self._from_m = np.array([entry.from_m for entry in entries])
-        self._long_m = np.array([entry.to_m - entry.from_m for entry in entries])
-        self._length_m = np.array([entry.strip.length_m for entry in entries])
-        self._scale = self._length_m / self._long_m
-        self._current = np.array([entry.role == CURRENT for entry in entries])
-        self._whole = np.array([entry.role not in (CURRENT, *SIDES) for entry in entries])
-        self._crossed = bool(self._whole.any())
-        self._beside = [(k, entry) for k, entry in enumerate(entries) if entry.role in SIDES]
+        self._long_m = np.array([entry.long_m for entry in entries])
 
     def _alongside(self, k: int, lane: int, role: str, s_span_m: tuple[float, float]) -> _Entry:
         """The stretch of a lane of the same road that lies beside the k-th strip of the route, or is it."""
@@ -290,39 +292,50 @@ class MapArea:
 
     def at(self, ego: EgoState) -> MonitoredLanes:
         """The monitored lanes around `ego`."""
-        station, _ = self.route.project(ego.x_m, ego.y_m)
-        front, beyond, reach = self.front_m(ego.speed_mps), overhang_m(ego), self.config.reach_m
-        spans = self._spans(station, front + beyond, self.config.back_fraction * front)
-        return unchecked(
-            MonitoredLanes,
-            ego,
-            self._entries,
-            spans,
-            self.strips,
-            self._current,
-            self.route,
-            (max(station, 0.0), min(station + front + beyond, self.route.length_m)),
-            None if reach is None else reach + beyond,
-            (None, None),
-        )
+        return unchecked(MonitoredLanes, ego, self, None, None, None)
 
-    def _spans(self, ego_m: float, front_m: float, back_m: float) -> FloatArray:
-        """(3, E) stations along each entry's strip: first one monitored, the ego's, last one monitored."""
-        points = np.array([[ego_m - back_m], [ego_m], [ego_m + front_m]])
-        # clipped to each entry's stretch of the route; its own lane may be longer or shorter than that
-        spans: FloatArray = np.minimum(np.maximum(points - self._from_m, 0.0), self._long_m)
-        spans *= self._scale
-        # a junction's lanes matter as a whole while the route ahead passes it
-        if self._crossed:
-            passed = self._whole & (spans[2] > spans[1])
-            spans[:, self._whole] = 0.0
-            spans[2, passed] = self._length_m[passed]
-        for k, entry in self._beside:
-            strip, start = self.route.strips[entry.k], float(self.route.entry_m[entry.k])
-            s = strip.s_at(min(max(ego_m - start, 0.0), strip.length_m))
-            if not any(low <= s <= high for low, high in entry.change_s_m):
-                spans[:, k] = 0.0
+    def path_m(self, ego: EgoState) -> tuple[float, float]:
+        """Stations along the route of the ego, and as far as it is monitored."""
+        station, _ = self.route.project(ego.x_m, ego.y_m)
+        front_m = self.front_m(ego.speed_mps) + overhang_m(ego)
+        return max(station, 0.0), min(station + front_m, self.route.length_m)
+
+    def spans(self, ego: EgoState) -> list[tuple[int, float, float, float]]:
+        """Stations along the strips of what is monitored: entry, first one monitored, the ego's, last one."""
+        ego_m, _ = self.route.project(ego.x_m, ego.y_m)
+        front_m = self.front_m(ego.speed_mps)
+        back_m, ahead_m = ego_m - self.config.back_fraction * front_m, ego_m + (front_m + overhang_m(ego))
+        spans = []
+        for k in self._around(back_m, ahead_m):
+            entry = self.entries[k]
+            from_m, long_m, scale = entry.from_m, entry.long_m, entry.scale
+            # clipped to the entry's stretch of the route; its own lane may be longer or shorter than that
+            begin = min(max(back_m - from_m, 0.0), long_m) * scale
+            middle = min(max(ego_m - from_m, 0.0), long_m) * scale
+            end = min(max(ahead_m - from_m, 0.0), long_m) * scale
+            if entry.role in SIDES:
+                if not self._may_change(entry, ego_m):
+                    continue
+            elif entry.role != CURRENT:
+                # a junction's lanes matter as a whole while the route ahead passes it
+                begin, middle, end = 0.0, 0.0, entry.strip.length_m if end > middle else 0.0
+            if end > begin:
+                spans.append((k, begin, middle, end))
         return spans
+
+    def _around(self, back_m: float, ahead_m: float) -> Sequence[int]:
+        """Entries that reach between two stations of the route; of few, all."""
+        if len(self.entries) <= _FEW_ENTRIES:
+            return range(len(self.entries))
+        near = (ahead_m - self._from_m > 0.0) & (back_m - self._from_m < self._long_m)
+        around: list[int] = near.nonzero()[0].tolist()
+        return around
+
+    def _may_change(self, entry: _Entry, ego_m: float) -> bool:
+        """Whether the road mark lets the ego change into an entry's lane from where it is on its route."""
+        strip, start = self.route.strips[entry.k], float(self.route.entry_m[entry.k])
+        s = strip.s_at(min(max(ego_m - start, 0.0), strip.length_m))
+        return any(low <= s <= high for low, high in entry.change_s_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -335,6 +348,7 @@ class _Entry:
         k: the strip of the route that it belongs to.
         from_m, to_m: stations of its ends along the route; of a junction's lane, where the route passes that.
         change_s_m: stretches of s on which the road mark lets the ego change into it from the route's lane.
+        long_m, scale: length along the route, and the strip's length over it.
     """
 
     strip: LaneStrip
@@ -343,6 +357,13 @@ class _Entry:
     from_m: float
     to_m: float
     change_s_m: tuple[tuple[float, float], ...] = ()
+    long_m: float = field(init=False)
+    scale: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        long_m = self.to_m - self.from_m
+        object.__setattr__(self, "long_m", long_m)
+        object.__setattr__(self, "scale", self.strip.length_m / long_m if long_m else 0.0)
 
 
 def _without(span: tuple[float, float], lane: int, strips: Sequence[LaneStrip]) -> tuple[float, float] | None:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -28,9 +30,12 @@ _FINE_STEP_M = 0.5
 """Spacing at which a lane is looked at before most of the samples are left out again."""
 _ROUNDING_M = 1e-6
 """Distances on a map are rounded by less."""
-_ROUNDING_ALONG_M = np.array(1e-9)
+ROUNDING_ALONG_M = 1e-9
 """Points at a joint are beside both segments, whatever the rounding."""
+_ROUNDING_ALONG = np.array(ROUNDING_ALONG_M)
 _ZERO = np.array(0.0)
+_BLOCK = 8
+"""So many segments of a strip share a rectangle; a look at more of either takes longer."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,6 +163,9 @@ def _vru_reach(lane_map: LaneMap, lane: int, s_m: FloatArray, side: Side, margin
 ALL = slice(None)
 """Every segment."""
 
+Row = tuple[float, ...]
+"""What is known of one segment, in the order of the columns of `Segments`."""
+
 
 class Segments:
     """Segments of strips, one or more of each; places points in them.
@@ -276,7 +284,7 @@ class Segments:
             aside = np.abs(lateral)
             before -= aside * self._columns[12]
             beyond -= np.multiply(aside, self._columns[13], out=aside)
-        return u, lateral, np.maximum(before, beyond, out=before) <= _ROUNDING_ALONG_M
+        return u, lateral, np.maximum(before, beyond, out=before) <= _ROUNDING_ALONG
 
     def _along_and_aside(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(...) distance along each segment and offset to its left, of (..., 2) points that broadcast."""
@@ -294,13 +302,20 @@ class StripSet:
 
     Args:
         strips: the strips; their order is the strip index used by every method.
+
+    Attributes:
+        strip: (S,) strip of each segment.
+        ranges: first segment of each strip, and the first one after it.
+        first_m, last_m: stations outside of which no point is beside each segment; they ascend along a strip.
     """
 
     def __init__(self, strips: Sequence[LaneStrip]) -> None:
         self.strips = tuple(strips)
         parts = [s for s in self.strips if len(s.s_m) > 1]
-        index = [i for i, s in enumerate(self.strips) if len(s.s_m) > 1]
-        self.strip: IntArray = np.repeat(index, [len(p.s_m) - 1 for p in parts]).astype(np.int64)
+        counts = [max(len(s.s_m) - 1, 0) for s in self.strips]
+        self.strip: IntArray = np.repeat(np.arange(len(counts)), counts)
+        ends_at = list(accumulate(counts))
+        self.ranges = [(end - count, end) for end, count in zip(ends_at, counts, strict=True)]
 
         def joined(values: list[FloatArray]) -> FloatArray:
             return np.concatenate(values or [np.zeros(0)])
@@ -319,8 +334,11 @@ class StripSet:
         wedges = joined([t[:-1] for t in turn]), joined([t[1:] for t in turn])
         self._bends = bool(wedges[0].any() or wedges[1].any())
         # no wedge is longer than the reach to a side times tan(0.5), 0.55; twice that is on the safe side
-        past_m = 1.1 * max((self._widest(p) for p in parts), default=0.0) + 1.0
-        self._first_m, self._last_m = station - past_m, station + length + past_m
+        self._widest_m = max((self._widest(p) for p in parts), default=0.0)
+        past_m = 1.1 * self._widest_m + 1.0
+        # stations between which a point that counts is beside a segment
+        self.first_m: list[float] = (station - past_m).tolist()
+        self.last_m: list[float] = (station + length + past_m).tolist()
         self._columns = np.stack(
             (
                 *(joined([p.center_m[:-1, k] for p in parts]) for k in (0, 1)),
@@ -336,25 +354,53 @@ class StripSet:
             )
         )
 
+    @cached_property
+    def block_of(self) -> list[int]:
+        """Position in `blocks` of each segment."""
+        lengths = [last - first for *_, first, last in self.blocks]
+        block_of: list[int] = np.repeat(np.arange(len(lengths)), lengths).tolist()
+        return block_of
+
+    @cached_property
+    def blocks(self) -> list[tuple[float, float, float, float, int, int]]:
+        """Least and greatest x and y of all points in a few segments, the first of these, the one after them.
+
+        They come like the segments; each is of one strip.
+        """
+        # in a wedge a point is farther from the segment than aside, by the root of 1 + 0.55^2 at most
+        beyond_m = 1.2 * self._widest_m + 1.0
+        x, y, ux, uy, length = self._columns[:5]
+        ends = np.stack((x, x + ux * length)), np.stack((y, y + uy * length))
+        blocks = []
+        for begin, end in self.ranges:
+            for first in range(begin, end, _BLOCK):
+                last = min(first + _BLOCK, end)
+                (x_min, x_max), (y_min, y_max) = (
+                    (float(v[:, first:last].min()) - beyond_m, float(v[:, first:last].max()) + beyond_m)
+                    for v in ends
+                )
+                blocks.append((x_min, x_max, y_min, y_max, first, last))
+        return blocks
+
     @staticmethod
     def _widest(strip: LaneStrip) -> float:
         """The farthest that a strip reaches to a side."""
         aside = np.maximum(np.maximum(strip.vru_left_m, strip.vru_right_m), 0.0)
         return float((np.abs(strip.half_width_m) + aside).max())
 
-    def between(self, low_m: FloatArray, high_m: FloatArray, counts: BoolArray) -> Segments:
-        """The segments in which points between two stations, (E,) each, of strips that count may be."""
-        low, high = low_m.take(self.strip), high_m.take(self.strip)
-        near = counts.take(self.strip)
-        near &= self._last_m >= low
-        near &= self._first_m <= high
-        chosen = near.nonzero()[0]
-        columns = self._columns.take(chosen, axis=1)
-        return Segments(columns, self._bends, low.take(chosen), high.take(chosen))
+    def segments(
+        self,
+        segments: IntArray | slice = ALL,
+        low_m: FloatArray | None = None,
+        high_m: FloatArray | None = None,
+    ) -> Segments:
+        """All segments, or S chosen ones; see `Segments`."""
+        return Segments(self._columns[:, segments], self._bends, low_m, high_m)
 
-    def segments(self, segments: IntArray | slice = ALL) -> Segments:
-        """All segments, or S chosen ones."""
-        return Segments(self._columns[:, segments], self._bends)
+    @cached_property
+    def rows(self) -> list[Row]:
+        """The columns of each segment as plain numbers."""
+        return [tuple(row) for row in self._columns.T.tolist()]
 
     def place(
         self, points_m: FloatArray, segments: IntArray | slice = ALL

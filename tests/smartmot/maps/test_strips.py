@@ -214,28 +214,6 @@ def test_a_width_that_jumps_at_a_corner_does_not_grow_beyond_it() -> None:
         assert inside.any(axis=1).tolist() == [True, False, False, False]
 
 
-@pytest.mark.parametrize("name", ["urban_street", "urban_intersection", "urban_bend"])
-def test_segments_between_two_stations_are_all_that_can_hold_a_point(name: str) -> None:
-    network = load_map(MAPS / f"{name}.xodr")
-    strips = StripSet([lane_strip(network, lane, MARGIN) for lane in _driving(network)])
-    points = _points_beside(network, _driving(network), 300, 8.0)
-    station, in_lane, in_margin = strips.place(points)
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        first = rng.uniform(-20.0, 200.0, len(strips.strips))
-        last = first + rng.uniform(-5.0, 60.0, len(first))
-        counts = rng.random(len(first)) < 0.8
-        chosen = strips.between(first, last, counts)
-        at, lane, margin = chosen.place(points[:, None])
-        low, high = first[strips.strip], last[strips.strip]
-        for whole, part in ((in_lane, lane), (in_margin, margin)):
-            inside = whole & (station >= low) & (station <= high) & counts[strips.strip]
-            # each point is in as many segments, at the same stations
-            np.testing.assert_array_equal(part.sum(axis=1), inside.sum(axis=1))
-            np.testing.assert_array_equal(np.sort(at[part]), np.sort(station[inside]))
-    assert at.shape[1] < station.shape[1]
-
-
 def test_a_lane_is_sampled_once_per_network_and_margin() -> None:
     first, second = (load_map(MAPS / "urban_street.xodr") for _ in range(2))
     lane = first.lane_index_of(("1", 0, -1))
