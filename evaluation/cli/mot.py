@@ -197,6 +197,7 @@ def _print(
     console: rich.console.Console, study: MotStudy, result: MotResult, similarities: Sequence[str]
 ) -> None:
     """What the study came to."""
+    from evaluation.studies.mot.detectors import left_out_lines
     from evaluation.studies.mot.tables import forecast_table, score_table, summary
 
     frame_count = max(study.data.frame_count, 1)
@@ -205,15 +206,8 @@ def _print(
         f"tracking: {1e3 * result.tracking_s / frame_count:.2f} ms of processor time per frame",
         highlight=False,
     )
-    if too_late := sum(each.too_late for each in result.tracked):
-        console.print(
-            f"{too_late} measurements arrived later than the tracker waits: left out", highlight=False
-        )
-    if too_early := sum(each.too_early for each in result.tracked):
-        console.print(
-            f"{too_early} measurements are stamped far ahead of all others, as by a wrong clock: left out",
-            highlight=False,
-        )
+    for line in left_out_lines(result.tracked):
+        console.print(line, highlight=False, soft_wrap=True)
     for similarity in similarities if result.scores else ():
         console.print(score_table(result.scores, similarity), "")
         if result.offline_scores:

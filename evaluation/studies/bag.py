@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -90,22 +90,26 @@ def see_bag(options: BagOptions, progress: Callable[[int, int | None], None]) ->
     if options.path.is_dir() and options.path.resolve() in options.out.resolve().parents:
         raise DatasetError(f"{options.out}: lies in the bag that is read; name a place outside of it")
     lane_map = None if options.map_file is None else load_drive_map(options.map_file)
-    classes = bag_classes(options.path, options.settings.classes)
+    classes = bag_classes(options.path, {})
     perception = LivePerception(options.settings, lane_map, classes)
     requests: list[Request] = []
     start_ns: int | None = None
     with open_bag(options.path) as bag:
-        topics = chosen_topics(bag, options.topic, options.odometry)
+        detectors = {each.topic: each for each in options.settings.detectors}
+        several = {topic: each.type_name for topic, each in detectors.items()}
+        topics = chosen_topics(bag, options.topic, options.odometry, several)
         names = set(topics.names)
         stream = _Stream(bag, names, progress)
         with BagWriter(options.out, options.storage) as written:
-            for output in _answers(perception, stream):
+            for output in _answers(
+                perception, stream, {topic: each.name for topic, each in detectors.items()}
+            ):
                 written.write(output)
                 if isinstance(output, FrameOutput):
                     start_ns = output.stamp_ns if start_ns is None else start_ns
                     requests += output.decision.requests if output.decision else ()
             if not perception.counts.frames:
-                raise DatasetError(f"{options.path}: topic {topics.boxes} has no messages")
+                raise DatasetError(f"{options.path}: topic {' and '.join(topics.boxes)} has no messages")
             if perception.counts.nowhere_on_map:
                 raise DatasetError(
                     f"{options.map_file}: the vehicle of {options.path} is in no frame within "
@@ -117,23 +121,23 @@ def see_bag(options: BagOptions, progress: Callable[[int, int | None], None]) ->
     )
 
 
-def _answers(perception: LivePerception, stream: _Stream) -> Iterator[Output]:
-    """What is published, in its order."""
-    for message, static in stream:
-        yield from perception.take(message, static)
+def _answers(perception: LivePerception, stream: _Stream, detectors: Mapping[str, str]) -> Iterator[Output]:
+    """What is published, in its order; detectors have a name by topic where there are several."""
+    for message, topic in stream:
+        yield from perception.take(message, is_static(topic), detectors.get(topic, ""))
     yield from perception.finish()
 
 
 class _Stream:
     """Messages of some topics in the order in which they were received, whatever their order in the files.
 
-    Each comes with whether it is of `/tf_static`.
+    Each comes with the name of its topic.
     """
 
     def __init__(self, bag: Bag, names: set[str], progress: Callable[[int, int | None], None]) -> None:
         self._bag, self._names, self._progress = bag, names, progress
 
-    def __iter__(self) -> Iterator[tuple[Message, bool]]:
+    def __iter__(self) -> Iterator[tuple[Message, str]]:
         """The messages; `DatasetError` where one cannot be read."""
         try:
             for topic in self._bag.topics:
@@ -142,7 +146,7 @@ class _Stream:
             # stable: of equal times, the order of the files
             messages = sorted(self._bag.raw(self._names), key=lambda message: message.received_ns)
             for number, raw in enumerate(messages):
-                yield decoded(raw), is_static(raw.topic.name)
+                yield decoded(raw), raw.topic.name
                 if number % _TOLD_EVERY == 0:
                     self._progress(number + 1, len(messages))
         except ReadError as error:
@@ -160,22 +164,65 @@ def _read_notes(bag: Bag, names: set[str]) -> list[str]:
 
 
 def perception_notes(perception: LivePerception) -> list[str]:
-    """What a user should know of how a stream was seen: what was assumed, and what was left out."""
+    """What a user should know of how a stream was seen: what was assumed, and what was left out.
+
+    Of several detectors each has lines of its own.
+    """
+    several = perception.settings.detectors
+    notes = _common_notes(perception)
+    for name, counts in perception.counts_of.items():
+        whose = f"detector {name}: " if several else ""
+        notes += [whose + text for text in _notes_of(perception, name, counts)]
+    return notes
+
+
+def _common_notes(perception: LivePerception) -> list[str]:
+    """Of all detectors together."""
     counts, settings, localisation = perception.counts, perception.settings, perception.localisation
+    refused = localisation.poses.refused + localisation.tree.refused
+    own = "the sensor's frame" if not settings.detectors else f"the frame {localisation.base_frame}"
+    lines = (
+        (
+            counts.without_pose and counts.without_pose == counts.frames,
+            f"no pose of the vehicle: tracks are in {own}, and nothing is decided",
+        ),
+        (counts.restarts, f"times that time went back: {counts.restarts}; all was begun anew"),
+        (
+            counts.off_map,
+            f"frames beside the map's driving lanes: {counts.off_map}; the rectangle is monitored there",
+        ),
+        (refused, f"poses or transforms that are not finite, repeated or in another frame: {refused}"),
+        (
+            perception.strategy == "path" and counts.decided,
+            "no planned path is among the messages: the arc of the present turn rate stands in for it",
+        ),
+    )
+    return [text for number, text in lines if number]
+
+
+def _notes_of(perception: LivePerception, name: str, counts: Counts) -> list[str]:
+    """Of one detector."""
+    settings, localisation = perception.settings, perception.localisation
+    detector = next((each for each in settings.detectors if each.name == name), None)
     sensors = ", ".join(
         f"{name or 'a frame without a name'} in {number} frames"
         for name, number in sorted(counts.without_transform.items())
     )
     unknown = most_common(counts.unknown_classes, "without a class")
-    refused = localisation.poses.refused + localisation.tree.refused
     wait_ms = settings.wait_s * 1e3
+    profile = None if detector is None else detector.profile
+    trust = "" if profile is None else f", trust {profile.trust:g}, {profile.delay_s:g} s late by its profile"
+    dataset = settings.dataset if detector is None or detector.dataset is None else detector.dataset
     lines = (
+        (detector, f"{counts.frames} frames with {counts.boxes} boxes{trust}"),
         (
             counts.unstamped,
             f"frames with an empty header: {counts.unstamped}; the time at which they were received counts",
         ),
         (
-            counts.unnamed and (settings.output_frame == "sensor" or counts.decided < counts.tracked),
+            counts.unnamed
+            and detector is None
+            and (settings.output_frame == "sensor" or counts.decided < counts.tracked),
             f"frames whose header names no sensor: {counts.unnamed}; what is published in the sensor's frame "
             f"is in {localisation.base_frame} for them",
         ),
@@ -185,11 +232,7 @@ def perception_notes(perception: LivePerception) -> list[str]:
             "vehicle's origin; give its place (sensor pose)",
         ),
         (
-            counts.without_pose and counts.without_pose == counts.frames,
-            "no pose of the vehicle: tracks are in the sensor's frame, and nothing is decided",
-        ),
-        (
-            counts.without_pose and counts.without_pose < counts.frames,
+            counts.without_pose and perception.counts.without_pose < perception.counts.frames,
             f"frames farther than {settings.carry_s:g} s from any pose: {counts.without_pose}; nothing is "
             "decided on them",
         ),
@@ -198,31 +241,37 @@ def perception_notes(perception: LivePerception) -> list[str]:
             f"frames that waited {wait_ms:g} ms in vain for a pose: {counts.carried}; the last one was "
             "carried on",
         ),
-        (counts.late, f"frames not newer than the one before: {counts.late}; they are left out"),
-        (counts.restarts, f"times that time went back: {counts.restarts}; all was begun anew"),
         (
-            counts.off_map,
-            f"frames beside the map's driving lanes: {counts.off_map}; the rectangle is monitored there",
+            counts.behind,
+            f"frames behind a newer one of another detector: {counts.behind}; taken in at their time",
         ),
         (
-            unknown,
-            f"boxes of classes that are not known ({settings.dataset}), left out: {unknown}",
+            counts.late,
+            f"frames not newer than the one before: {counts.late}; they are left out"
+            if detector is None
+            else f"frames later than the tracker waits: {counts.late}; they are left out",
         ),
+        (counts.repeated, f"frames of a time that is there already: {counts.repeated}; they are left out"),
+        (
+            counts.early,
+            f"frames far ahead of all others, as by a wrong clock: {counts.early}; they are left out",
+        ),
+        (unknown, f"boxes of classes that are not known ({dataset}), left out: {unknown}"),
         (counts.other_classes, f"boxes of classes that are no road users, left out: {counts.other_classes}"),
         (
             counts.without_score,
             f"boxes whose score is none in [0, 1], left out: {counts.without_score}; scores of log odds are "
             "read by drive alone, which knows all of them before the first frame",
         ),
-        (counts.under_threshold, f"boxes with a score under the threshold: {counts.under_threshold}"),
-        (refused, f"poses or transforms that are not finite, repeated or in another frame: {refused}"),
         (
-            perception.strategy == "path" and counts.decided,
-            "no planned path is among the messages: the arc of the present turn rate stands in for it",
+            counts.rejected - counts.without_score and detector,
+            f"boxes that are impossible, left out: {counts.rejected - counts.without_score}",
         ),
+        (counts.under_threshold, f"boxes with a score under the threshold: {counts.under_threshold}"),
     )
     notes = [text for number, text in lines if number]
-    axes = perception.velocities.note(settings.velocity_frame)
+    velocity_frame = settings.velocity_frame if detector is None else detector.velocity_frame
+    axes = perception.velocities[name].note(velocity_frame)
     return notes if axes is None else [*notes, axes]
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from scenarios.ros.frames.transforms import placed
 from scenarios.sources.requests import Request
-from smartmot.types import BoolArray, FloatArray, IntArray, StrArray
+from smartmot.area.monitored import MonitoredArea, ego_extent
+from smartmot.types import BoolArray, EgoState, FloatArray, IntArray, StrArray, Tracks
 
 AHEAD_S = 2.0
 """Arrows end where a mover is after this time at constant velocity (PREMOVE, section 4.1)."""
@@ -261,3 +262,17 @@ def area_markers(area: Sequence[tuple[str, FloatArray]], lifetime_s: float) -> l
         )
         for number, (role, ring) in enumerate(area)
     ]
+
+
+def new_gaps_m(area: MonitoredArea, tracks: Tracks, ego: EgoState) -> list[float]:
+    """Free distances from the vehicle's front to what is in its way and was seen once.
+
+    Of these no motion is known yet, so that no decision rests on them; where they are is known.
+    """
+    new = (tracks.confirmed & (tracks.age_s <= tracks.coasted_s)).nonzero()[0]
+    if not len(new):
+        return []
+    boxes = tracks.boxes[new]
+    gap_m = ego_extent(boxes, ego)[0] - 0.5 * ego.length_m
+    shown: list[float] = gap_m[area.relevance(boxes, tracks.category[new]).on_way & (gap_m > 0.0)].tolist()
+    return shown

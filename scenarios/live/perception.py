@@ -1,8 +1,9 @@
 """Perception of a stream: messages in, in the order in which they arrive, and what is published out.
 
 Frames of detections wait until the vehicle's pose at their stamp is known, and are then tracked and judged in
-the order of their stamps. What comes out depends on stamps and contents alone, as long as every message
-arrives within `LiveSettings.wait_s` of the frames that need it, and the messages of each topic in order.
+the order of their stamps. One of several detectors that comes after a newer one counts at its own time, and
+leads to a new answer at the newest. What comes out depends on stamps and contents alone, as long as every
+message arrives within `LiveSettings.wait_s` of the frames that need it, and those of each topic in order.
 
 How to use it::
 
@@ -16,12 +17,13 @@ How to use it::
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenarios.live.counts import Counts, Diagnostics, DiagnosticWatch
+from scenarios.live.counts import Counts, Diagnostics, DiagnosticWatch, summed
+from scenarios.live.detectors import LiveDetector, own_frame
+from scenarios.live.fusion import Fusion, MadeTracks
 from scenarios.live.outputs import (
     LIFETIME_FRAMES,
     Decision,
@@ -29,10 +31,12 @@ from scenarios.live.outputs import (
     MarkerBoard,
     TrackedBoxes,
     area_markers,
+    new_gaps_m,
     track_markers,
 )
 from scenarios.live.placing import Heights, PlacedFrame, place
-from scenarios.live.settings import LiveSettings
+from scenarios.live.rates import FrameRates
+from scenarios.live.settings import LiveSettings, class_names
 from scenarios.live.velocities import VelocityCheck
 from scenarios.live.ways import Ways
 from scenarios.recorded.classes import ClassMap
@@ -43,12 +47,11 @@ from scenarios.ros.frames.transforms import inverse, placed
 from scenarios.ros.messages import DetectionMessage, Message, OdometryMessage, TransformMessage
 from scenarios.sources.frames import Frame
 from scenarios.sources.requests import EMERGENCY, RequestWatch, begun_anew
-from smartmot.area.monitored import MonitoredArea, ego_extent
 from smartmot.maps.lane_map import LaneMap
 from smartmot.path import PlannedPath
 from smartmot.pipeline import FrameResult, Pipeline, PipelineState
 from smartmot.tracking.state import TrackerState
-from smartmot.types import EgoState, FloatArray, Tracks
+from smartmot.types import Detections, EgoState, FloatArray, Tracks
 
 LATE_LIMIT = 10
 """After so many late frames in a row, each newer than the one before, time has gone back: a bag begins anew,
@@ -59,8 +62,6 @@ MOST_WAITING = 100
 
 _RATE_INTERVALS = 5
 """The frame rate is the median of so many intervals; until they are there, the preset's."""
-_LIFETIME_INTERVALS = 9
-"""Lifetimes of markers follow the median of so many."""
 _LONGEST_LIFETIME_S = 2.0
 _DIAGNOSTICS_NS = 1_000_000_000
 """A status every second."""
@@ -72,10 +73,20 @@ Output = FrameOutput | Diagnostics
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Waiting:
-    """A frame that waits, and when the vehicle was where it saw it."""
+    """A frame that waits, when the vehicle was where it saw it, and whose it is."""
 
     message: DetectionMessage
     pose_ns: int
+    detector: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moment:
+    """Where the vehicle was at the time of a frame; None: no pose is known."""
+
+    stamp_ns: int
+    pose: VehiclePose | None
+    ego: EgoState
 
 
 class LivePerception:
@@ -84,57 +95,72 @@ class LivePerception:
     Args:
         settings: how.
         lane_map: the map, in the frame of the odometry; None: there is none.
-        classes: category of each class, in small letters; None: as the settings say.
+        classes: category of classes, in small letters, beside and before those of the settings.
 
     Raises:
         ScenarioError, smartmot.errors.SmartMotError: a setting is wrong, or the strategy needs a map.
 
     Attributes:
         settings: how.
-        counts: what came, and what was left out.
+        counts_of: what came, and what was left out, by detector; of a single one under "".
         localisation: where the vehicle is.
-        velocities: whether the detector's velocities are in the axes that were chosen.
+        velocities: whether velocities are in the axes that were chosen, by detector.
     """
 
     def __init__(
         self, settings: LiveSettings, lane_map: LaneMap | None = None, classes: ClassMap | None = None
     ) -> None:
-        self.settings, self.counts = settings, Counts()
-        self.localisation = Localisation(settings)
-        self.velocities = VelocityCheck()
-        self._classes = settings.classes if classes is None else classes
+        self.settings = settings
+        self._detectors: dict[str, LiveDetector] = {each.name: each for each in settings.detectors}
+        self._common = Counts()
+        self.counts_of = {name: Counts() for name in self._detectors} or {"": self._common}
+        given = {own_frame(each): each.sensor_pose for each in settings.detectors if each.sensor_pose}
+        self.localisation = Localisation(settings, given=given)
+        self.velocities = {name: VelocityCheck() for name in self.counts_of}
+        datasets = dict.fromkeys(self.counts_of, settings.dataset) | {
+            each.name: each.dataset for each in settings.detectors if each.dataset is not None
+        }
+        self._classes = {name: {**class_names(of), **(classes or {})} for name, of in datasets.items()}
         self._ways = Ways(settings, lane_map)
+        self._fusion = Fusion(settings.detectors, self._ways.config) if settings.detectors else None
+        self._buffer_ns = 0 if self._fusion is None else self._fusion.buffer_ns
         self._status = DiagnosticWatch()
         self._boxes, self._areas = MarkerBoard(), MarkerBoard()
         self._waiting: list[_Waiting] = []
         self._now_ns: int | None = None
         self._status_ns = 0
         self._sensor = ""
+        self._sensors: dict[str, str] = {}
         self._next_id = 1
         self._begin()
 
     def _begin(self) -> None:
         """Forget tracks and decisions; identifiers go on. What is shown is deleted with the next frame."""
-        self._state: PipelineState | None = None
         self._has_pose = False
         self._watch = RequestWatch(self._ways.preset.brakes)
         self._anew = False
-        self._heights = Heights()
+        self._forget_tracks()
         self._last_ns: int | None = None
         self._late_ns: list[int] = []
-        self._intervals: deque[int] = deque(maxlen=_LIFETIME_INTERVALS)
+        self._rates = FrameRates(1.0 / self._ways.preset.sensor.rate_hz)
+
+    @property
+    def counts(self) -> Counts:
+        """What came, and what was left out, of all detectors together."""
+        return self._common if self._fusion is None else summed([self._common, *self.counts_of.values()])
 
     @property
     def strategy(self) -> str:
         """Name of the monitored area."""
         return self._ways.strategy
 
-    def take(self, message: Message, static: bool = False) -> list[Output]:
+    def take(self, message: Message, static: bool = False, detector: str = "") -> list[Output]:
         """Take the next message.
 
         Args:
             message: of any topic.
             static: whether it is of `/tf_static`.
+            detector: whose boxes they are, where the settings name several.
 
         Returns:
             What can be published now.
@@ -142,13 +168,13 @@ class LivePerception:
         # what should have been published before is, without looking at this message
         outputs = [] if self._now_ns is None else self.advance(message.received_ns - 1)
         if isinstance(message, DetectionMessage):
-            self._arrive(message)
+            self._arrive(message, detector)
         elif isinstance(message, OdometryMessage):
             self.localisation.add_odometry(message)
         elif isinstance(message, TransformMessage):
             self.localisation.add_transforms(message, static)
         else:
-            self.counts.other_messages += 1
+            self._common.other_messages += 1
         return [*outputs, *self.advance(message.received_ns)]
 
     def advance(self, now_ns: int) -> list[Output]:
@@ -163,7 +189,7 @@ class LivePerception:
         outputs: list[Output] = list(self._answers(self._now_ns))
         if self._now_ns >= self._status_ns:
             due_ns = self._now_ns - (self._now_ns - self._status_ns) % _DIAGNOSTICS_NS
-            outputs.append(self._status.status(self.counts, due_ns))
+            outputs.append(self._status_at(due_ns))
             self._status_ns = due_ns + _DIAGNOSTICS_NS
         return outputs
 
@@ -173,29 +199,42 @@ class LivePerception:
             return []
         outputs: list[Output] = list(self._answers(None))
         if outputs or self._now_ns > self._status_ns - _DIAGNOSTICS_NS:
-            outputs.append(self._status.status(self.counts, self._now_ns))
+            outputs.append(self._status_at(self._now_ns))
         return outputs
 
-    def _arrive(self, message: DetectionMessage) -> None:
+    def _status_at(self, stamp_ns: int) -> Diagnostics:
+        return self._status.status(self.counts, stamp_ns, {} if self._fusion is None else self.counts_of)
+
+    def _arrive(self, message: DetectionMessage, detector: str) -> None:
         """Let a frame wait, unless it is late."""
-        self.counts.frames += 1
-        self.counts.unstamped += message.stamp_ns is None
+        counts = self.counts_of[detector]
+        counts.frames += 1
+        counts.unstamped += message.stamp_ns is None
         stamp_ns = message.time_ns
-        if self._last_ns is not None and stamp_ns <= self._last_ns:
-            self.counts.late += 1
+        if self._is_late(stamp_ns):
+            counts.late += 1
             ascending = bool(self._late_ns) and stamp_ns > self._late_ns[-1]
             self._late_ns = [*self._late_ns, stamp_ns] if ascending else [stamp_ns]
-            if len(self._late_ns) < LATE_LIMIT:
+            if len(self._late_ns) < LATE_LIMIT or self._late_ns[-1] - self._late_ns[0] < self._buffer_ns:
                 return
-            self.counts.late += len(self._waiting) - 1
-            self.counts.restarts += 1
+            for other in self._waiting:
+                self.counts_of[other.detector].late += 1
+            counts.late -= 1
+            self._common.restarts += 1
             self.localisation.forget_after(stamp_ns)
             self._waiting.clear()
             self._begin()
         self._late_ns = []
         later = [k for k, other in enumerate(self._waiting) if other.message.time_ns > stamp_ns]
-        waiting = _Waiting(message, self.localisation.pose_time_ns(message))
+        waiting = _Waiting(message, self.localisation.pose_time_ns(message), detector)
         self._waiting.insert(later[0] if later else len(self._waiting), waiting)
+
+    def _is_late(self, stamp_ns: int) -> bool:
+        """Whether a frame is older than what the tracker takes; several detectors may see at one time."""
+        if self._last_ns is None:
+            return False
+        behind_ns = self._last_ns - stamp_ns
+        return behind_ns >= 0 if self._fusion is None else behind_ns > self._buffer_ns
 
     def _answers(self, now_ns: int | None) -> list[FrameOutput]:
         """Answers to the frames that need not wait any longer; None: to all."""
@@ -203,7 +242,7 @@ class LivePerception:
         wait_ns = round(self.settings.wait_s / _NS)
         while self._waiting:
             message, pose_ns = self._waiting[0].message, self._waiting[0].pose_ns
-            sensor = message.frame_id or self._sensor
+            sensor = self._sensor_of(message, self._waiting[0].detector)
             waits = (
                 now_ns is not None
                 and now_ns - message.received_ns < wait_ns
@@ -211,19 +250,29 @@ class LivePerception:
             )
             if waits and not self.localisation.complete(sensor, pose_ns):
                 break
-            del self._waiting[0]
-            answer = self._answer(message, pose_ns, sensor)
+            answer = self._answer(message, pose_ns, sensor, self._waiting.pop(0).detector)
             if answer is not None:
                 answers.append(answer)
         return answers
 
-    def _answer(self, message: DetectionMessage, pose_ns: int, sensor: str) -> FrameOutput | None:
-        """Track and judge a frame; None: it is late, or nobody knows where it is."""
-        stamp_ns, counts = message.time_ns, self.counts
-        if self._last_ns is not None and stamp_ns <= self._last_ns:
+    def _sensor_of(self, message: DetectionMessage, detector: str) -> str:
+        """Frame of the sensor of a message; one without a name has the sensor of the one before."""
+        own = self._detectors.get(detector)
+        if own is not None and own.sensor_pose is not None:
+            return own_frame(own)
+        return message.frame_id or self._sensors.get(detector, "")
+
+    def _answer(
+        self, message: DetectionMessage, pose_ns: int, sensor: str, detector: str
+    ) -> FrameOutput | None:
+        """Track and judge a frame; None: it is late or left out, or nobody knows where it is."""
+        stamp_ns, counts = message.time_ns, self.counts_of[detector]
+        if self._is_late(stamp_ns):
             counts.late += 1
             return None
-        self._sensor = sensor
+        self._sensors[detector] = sensor
+        # the tracks of several detectors are in no sensor's frame
+        self._sensor = sensor if self._fusion is None else ""
         counts.unnamed += not sensor
         self.localisation.decide(sensor, pose_ns)
         pose = self.localisation.pose(pose_ns)
@@ -232,8 +281,8 @@ class LivePerception:
             if self._has_pose:  # tracks live in another frame than this one's boxes
                 return None
             # a sensor without a name has no frame of its own to be shown in
-            own = np.eye(4) if sensor else self.localisation.base_SE3_sensor(sensor, pose_ns)
-            return self._seen(message, stamp_ns, None, own)
+            own = np.eye(4) if self._sensor else self.localisation.base_SE3_sensor(sensor, pose_ns)
+            return self._seen(message, detector, _Moment(stamp_ns, None, self._ego(stamp_ns, None)), own)
         if not self._has_pose:
             self._forget_tracks()
         self._has_pose = True
@@ -241,94 +290,146 @@ class LivePerception:
         if sensor in self.localisation.assumed:
             counts.without_transform[sensor] += 1
         sensor_pose = pose.map_SE3_base @ self.localisation.base_SE3_sensor(sensor, pose_ns)
-        return self._seen(message, stamp_ns, pose, sensor_pose)
+        return self._seen(message, detector, _Moment(stamp_ns, pose, self._ego(stamp_ns, pose)), sensor_pose)
 
     def _forget_tracks(self) -> None:
-        """Begin to track in another frame."""
-        self._state = None
+        """Begin to track, perhaps in another frame."""
+        self._state: PipelineState | None = None
         self._heights = Heights()
+        self._moments: dict[float, _Moment] = {}
+        self._pipeline: Pipeline | None = None
+        self._on_map = True
+        if self._fusion is not None:
+            self._fusion.begin(self._next_id)
 
     def _seen(
-        self, message: DetectionMessage, stamp_ns: int, pose: VehiclePose | None, map_SE3_sensor: FloatArray
-    ) -> FrameOutput:
-        """The answer to a frame whose sensor is at a pose, in the frame of the tracks."""
-        self._measure_interval(stamp_ns)
+        self, message: DetectionMessage, detector: str, moment: _Moment, map_SE3_sensor: FloatArray
+    ) -> FrameOutput | None:
+        """The answer to a frame whose sensor is at a pose, frame of the tracks; None: it is left out."""
+        known = self._rates.see(moment.stamp_ns, detector)
+        if known == _RATE_INTERVALS and self._fusion is None:
+            self._ways.frames_every(self._rates.interval_s)
+        counts = self.counts_of[detector]
+        velocity_frame = self._detectors.get(detector, self.settings).velocity_frame
         frame = place(
             message,
-            stamp_ns,
+            moment.stamp_ns,
             map_SE3_sensor,
-            self._classes,
-            "ignore" if pose is None else self.settings.velocity_frame,
-            self.counts,
+            self._classes[detector],
+            "ignore" if moment.pose is None else velocity_frame,
+            counts,
         )
-        ego = self._ego(stamp_ns, pose)
-        path: PlannedPath | None = None
-        if pose is None:
-            pipeline = self._ways.without_pose
+        pipeline = self._pipeline_of(moment, counts)
+        if self._fusion is None:
+            result = self._step(pipeline, frame.detections, moment.ego, self._path(moment))
+            assert self._state is not None
+            limits = pipeline.score_limits(self._state.tracker)
+            if limits is not None:
+                counts.under_threshold += limits.counts(frame.detections)[0]
+            seen = moment
         else:
-            pipeline, on_map = self._ways.pipeline(ego)
-            self.counts.off_map += not on_map
-            path = self._ways.path(ego)
-        result = self._step(pipeline, frame, ego, path)
-        self._last_ns = stamp_ns
-        self.counts.tracked += 1
+            fused = self._fused(pipeline, frame, moment, detector)
+            if fused is None:
+                return None
+            result, seen = fused
+        then = (
+            result.tracks
+            if seen is moment or self._fusion is None
+            else self._fusion.at(frame.detections.stamp_s)
+        )
+        if then is not None:
+            self._heights.see(then, frame)
+        self._last_ns = seen.stamp_ns
+        counts.tracked += 1
         decision = None
-        if pose is not None:
-            self.velocities.see(stamp_ns, result.tracks, frame, map_SE3_sensor)
-            decision = self._decide(pipeline, frame, ego, path, result, float(pose.map_SE3_base[2, 3]))
-        shown = pose.map_SE3_base if pose is not None and not self._sensor else map_SE3_sensor
-        return self._output(message, stamp_ns, self._tracked(result.tracks, frame), decision, shown)
+        if seen.pose is not None:
+            if seen is moment:
+                self.velocities[detector].see(seen.stamp_ns, result.tracks, frame, map_SE3_sensor)
+            level_m = float(seen.pose.map_SE3_base[2, 3])
+            decision = self._decide(pipeline, result, seen.ego, self._path(seen), level_m)
+        shown = seen.pose.map_SE3_base if seen.pose is not None and not self._sensor else map_SE3_sensor
+        return self._output(message, seen.stamp_ns, self._tracked(result.tracks), decision, shown)
+
+    def _path(self, moment: _Moment) -> PlannedPath | None:
+        return None if moment.pose is None else self._ways.path(moment.ego)
+
+    def _pipeline_of(self, moment: _Moment, counts: Counts) -> Pipeline:
+        """The pipeline of a frame; one that comes after a newer one is seen with that one's."""
+        behind = self._last_ns is not None and moment.stamp_ns < self._last_ns
+        if self._pipeline is None or not behind:
+            if moment.pose is None:
+                self._pipeline, self._on_map = self._ways.without_pose, True
+            else:
+                self._pipeline, self._on_map = self._ways.pipeline(moment.ego)
+        counts.off_map += not self._on_map
+        counts.behind += behind
+        return self._pipeline
+
+    def _fused(
+        self, pipeline: Pipeline, frame: PlacedFrame, moment: _Moment, detector: str
+    ) -> tuple[FrameResult, _Moment] | None:
+        """Result at the newest time of all measurements, and the vehicle then; None: this one is left out."""
+        assert self._fusion is not None
+        detections = replace(frame.detections, detector=detector)
+        self._moments[detections.stamp_s] = moment
+        tracks = self._fusion.track(pipeline, detections, moment.ego, self._path(moment), self.counts_of)
+        if tracks is None:
+            return None
+        newest = self._moments[tracks.stamp_s]
+        if not self._fusion.is_waiting:
+            self._moments = {tracks.stamp_s: newest}
+        if newest is not moment:
+            detections = Detections.empty(tracks.stamp_s)
+        self._state = PipelineState(MadeTracks(tracks), self._state and self._state.rule)
+        result = self._step(pipeline, detections, newest.ego, self._path(newest))
+        self._next_id = max(self._next_id, self._fusion.next_id)
+        return result, newest
 
     def _step(
-        self, pipeline: Pipeline, frame: PlacedFrame, ego: EgoState, path: PlannedPath | None
+        self, pipeline: Pipeline, detections: Detections, ego: EgoState, path: PlannedPath | None
     ) -> FrameResult:
         state = self._state
         if state is None:
             state = pipeline.initial()
             if isinstance(state.tracker, TrackerState):
                 state = replace(state, tracker=replace(state.tracker, next_id=self._next_id))
-        self._state, result = pipeline.step(state, frame.detections, ego, path)
+        self._state, result = pipeline.step(state, detections, ego, path)
         if isinstance(self._state.tracker, TrackerState):
             self._next_id = self._state.tracker.next_id
-        limits = pipeline.score_limits(self._state.tracker)
-        if limits is not None:
-            self.counts.under_threshold += limits.counts(frame.detections)[0]
         return result
 
     def _decide(
         self,
         pipeline: Pipeline,
-        frame: PlacedFrame,
+        result: FrameResult,
         ego: EgoState,
         path: PlannedPath | None,
-        result: FrameResult,
         level_m: float,
     ) -> Decision:
         """What the rule asks for; it begins anew where the vehicle should stand by now, and drives on."""
-        self.counts.decided += 1
+        self._common.decided += 1
         if self._anew:
             result = begun_anew(result, ego.stamp_s)
         known = len(self._watch.requests)
-        self._anew = self._watch.see(Frame(ego.stamp_s, ego, frame.detections, path=path), result)
+        self._anew = self._watch.see(Frame(ego.stamp_s, ego, result.detections, path=path), result)
         if self._anew and self._state is not None:
             self._state = replace(self._state, rule=None)
         requests = tuple(self._watch.requests[known:])
-        self.counts.requests += sum(request.kind == EMERGENCY for request in requests)
+        self._common.requests += sum(request.kind == EMERGENCY for request in requests)
         monitored = pipeline.area(ego, path)
         gaps = [*result.threats.gap_m.tolist(), *([] if result.lead is None else [result.lead.gap_m])]
-        gaps += _new_gaps_m(monitored, result.tracks, ego)
+        gaps += new_gaps_m(monitored, result.tracks, ego)
         area = tuple(
             (role, np.column_stack((ring, np.full(len(ring), level_m))))
             for role, ring in monitored.polygons()
         )
         return Decision(result.command.emergency, min(gaps, default=None), area, requests)
 
-    def _tracked(self, tracks: Tracks, frame: PlacedFrame) -> TrackedBoxes:
+    def _tracked(self, tracks: Tracks) -> TrackedBoxes:
         """The confirmed tracks as boxes with height."""
-        ids = tracks.track_id.tolist()
-        bottom, height = self._heights.of(ids, tracks.boxes, tracks.coasted_s <= 0.0, frame)
+        bottom, height = self._heights.of(tracks.track_id.tolist())
         shown = tracks.confirmed.nonzero()[0]
-        self.counts.tracks = max(self.counts.tracks, max(tracks.track_id[shown].tolist(), default=0))
+        self._common.tracks = max(self._common.tracks, max(tracks.track_id[shown].tolist(), default=0))
         middle = bottom + 0.5 * height
         return TrackedBoxes(
             tracks.track_id[shown],
@@ -395,32 +496,5 @@ class LivePerception:
             **outline,
         )
 
-    def _measure_interval(self, stamp_ns: int) -> None:
-        if self._last_ns is None:
-            return
-        self._intervals.append(stamp_ns - self._last_ns)
-        if len(self._intervals) == _RATE_INTERVALS:
-            self._ways.frames_every(self._interval_s())
-
-    def _interval_s(self) -> float:
-        """Median of the last intervals between frames; before the second frame that of the preset."""
-        if not self._intervals:
-            return 1.0 / self._ways.preset.sensor.rate_hz
-        return sorted(self._intervals)[len(self._intervals) // 2] * _NS
-
     def _lifetime_s(self) -> float:
-        return min(LIFETIME_FRAMES * self._interval_s(), _LONGEST_LIFETIME_S)
-
-
-def _new_gaps_m(area: MonitoredArea, tracks: Tracks, ego: EgoState) -> list[float]:
-    """Free distances from the vehicle's front to what is in its way and was seen once.
-
-    Of these no motion is known yet, so that no decision rests on them; where they are is known.
-    """
-    new = (tracks.confirmed & (tracks.age_s <= tracks.coasted_s)).nonzero()[0]
-    if not len(new):
-        return []
-    boxes = tracks.boxes[new]
-    gap_m = ego_extent(boxes, ego)[0] - 0.5 * ego.length_m
-    shown: list[float] = gap_m[area.relevance(boxes, tracks.category[new]).on_way & (gap_m > 0.0)].tolist()
-    return shown
+        return min(LIFETIME_FRAMES * self._rates.interval_s, _LONGEST_LIFETIME_S)

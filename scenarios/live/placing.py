@@ -12,7 +12,7 @@ from scenarios.recorded.dataset import HEIGHT_M, LEFT_OUT
 from scenarios.ros.frames.transforms import box_direction, ground_covariance, placed
 from scenarios.ros.messages import DetectionMessage
 from smartmot.detection_input import MAX_POSITION_M, MAX_SIZE_M, MIN_SIZE_M, detections_from_arrays
-from smartmot.types import BoolArray, Boxes, Detections, FloatArray
+from smartmot.types import BoolArray, Detections, FloatArray, Tracks
 
 _NS = 1e-9
 
@@ -105,30 +105,33 @@ def _velocities(sent_mps: FloatArray, map_SE3_sensor: FloatArray, velocity_frame
 class Heights:
     """Undersides and heights of tracks, which are estimated on the ground: those of the nearest detection.
 
-    A track keeps them while it coasts.
+    A track keeps them while it coasts; frames may come in any order, the newest one counts.
     """
 
     def __init__(self) -> None:
-        self._extent: dict[int, tuple[float, float]] = {}
+        self._extent: dict[int, tuple[float, float, float]] = {}
 
-    def of(
-        self, ids: list[int], boxes: Boxes, matched: BoolArray, frame: PlacedFrame
-    ) -> tuple[FloatArray, FloatArray]:
-        """(M,) undersides and (M,) heights of the tracks alive.
+    def see(self, tracks: Tracks, frame: PlacedFrame) -> None:
+        """Take a frame.
 
         Args:
-            ids: M identifiers.
-            boxes: M boxes.
-            matched: (M,) which were matched in this frame.
+            tracks: at the time of the frame.
             frame: the frame.
         """
-        rows = matched.nonzero()[0]
-        before = self._extent
-        if len(rows) and len(frame.center_m):
-            offset = boxes.center_m[rows, None] - frame.center_m
-            nearest = (offset * offset).sum(axis=2).argmin(axis=1)
-            seen = zip(frame.bottom_m[nearest].tolist(), frame.height_m[nearest].tolist(), strict=True)
-            before |= zip((ids[k] for k in rows.tolist()), seen, strict=True)
-        self._extent = {number: before.get(number, (0.0, HEIGHT_M)) for number in ids}
-        extent = np.array(list(self._extent.values())).reshape(-1, 2)
-        return extent[:, 0], extent[:, 1]
+        rows = (tracks.coasted_s <= 0.0).nonzero()[0]
+        if not len(rows) or not len(frame.center_m):
+            return
+        stamp_s = frame.detections.stamp_s
+        offset = tracks.boxes.center_m[rows, None] - frame.center_m
+        nearest = (offset * offset).sum(axis=2).argmin(axis=1)
+        extents = zip(frame.bottom_m[nearest].tolist(), frame.height_m[nearest].tolist(), strict=True)
+        for number, extent in zip(tracks.track_id[rows].tolist(), extents, strict=True):
+            if self._extent.get(number, (-np.inf,))[0] <= stamp_s:
+                self._extent[number] = (stamp_s, *extent)
+
+    def of(self, ids: list[int]) -> tuple[FloatArray, FloatArray]:
+        """(M,) undersides and (M,) heights of the M tracks alive; others are forgotten."""
+        unseen = (-np.inf, 0.0, HEIGHT_M)
+        self._extent = {number: self._extent.get(number, unseen) for number in ids}
+        extent = np.array(list(self._extent.values())).reshape(-1, 3)
+        return extent[:, 1], extent[:, 2]

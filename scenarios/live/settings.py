@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from scenarios.errors import ScenarioError
+from scenarios.live.detectors import LiveDetector
 from scenarios.presets import Preset, named_preset
 from scenarios.recorded import nuscenes
 from scenarios.recorded.bags.reader import CLASSES
@@ -38,6 +39,11 @@ WAIT_S = 0.05
 """A frame waits so long for a pose that is not older: one interval of an odometry with 20 Hz."""
 
 
+def class_names(dataset: str) -> ClassMap:
+    """Category of each class name of a data set, and of the tracker's own."""
+    return {**{name: name for name in CATEGORIES}, **DATASETS[dataset]}
+
+
 @dataclass(frozen=True, slots=True)
 class LiveSettings:
     """How a stream is seen and judged.
@@ -59,6 +65,7 @@ class LiveSettings:
         base_frame: the vehicle's frame where transforms alone have it; an odometry names its own.
         wait_s: time of receipt that a frame waits for a pose that is not older.
         carry_s: how long the last pose is carried on with its velocity and turn rate.
+        detectors: several that go into one tracker; empty: there is one.
 
     Raises:
         ScenarioError: a name is unknown or a number is out of range.
@@ -79,6 +86,7 @@ class LiveSettings:
     base_frame: str = "base_link"
     wait_s: float = WAIT_S
     carry_s: float = CARRY_S
+    detectors: tuple[LiveDetector, ...] = ()
 
     def __post_init__(self) -> None:
         names = (
@@ -100,11 +108,27 @@ class LiveSettings:
                 raise ScenarioError(f"{name}: expected seconds in [0, 10], got {getattr(self, name)}")
         if self.sensor_pose is not None and not all(map(math.isfinite, self.sensor_pose)):
             raise ScenarioError(f"sensor_pose: every number must be finite, got {self.sensor_pose}")
+        if self.detectors:
+            self._check_detectors()
 
-    @property
-    def classes(self) -> ClassMap:
-        """Category, or `scenarios.recorded.dataset.LEFT_OUT`, of each class name."""
-        return {**{name: name for name in CATEGORIES}, **DATASETS[self.dataset]}
+    def _check_detectors(self) -> None:
+        """Refuse what a single detector alone can mean."""
+        instead = {
+            "max_age": "frames are of each detector; the tracker's times hold",
+            "detection_th": "scores count relative to each detector's own, times its trust: say that there",
+            "sensor_pose": "say it of each detector",
+            "velocity_frame": "say it of each detector",
+            "output_frame": "the detectors have frames of their own; leave it at map",
+        }
+        for name, why in instead.items():
+            if getattr(self, name) != type(self).__dataclass_fields__[name].default:
+                raise ScenarioError(f"{name}: not with several detectors: {why}")
+        for each in self.detectors:
+            if each.dataset is not None and each.dataset not in DATASETS:
+                names = ", ".join(DATASETS)
+                raise ScenarioError(
+                    f"detector {each.name}: dataset: unknown {each.dataset!r}; use one of: {names}"
+                )
 
     def preset_at(self, interval_s: float) -> Preset:
         """The preset for frames that come in an interval.

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from scenarios.ros.definitions import DETECTION_3D_ARRAY, ODOMETRY, PREDICTION_ARRAY, TRANSFORMS
+
+if TYPE_CHECKING:
+    from scenarios.live.detectors import LiveDetector
 
 STATIC_TRANSFORMS = "/tf_static"
 
@@ -64,3 +69,16 @@ DIAGNOSTICS = PublishedTopic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArra
 
 PUBLISHED = (MARKERS, TRACKS, COLLISION, NEAREST, AREA, DIAGNOSTICS)
 """All of them."""
+
+
+def read_topics(detectors: Sequence[LiveDetector]) -> tuple[tuple[ReadTopic, str], ...]:
+    """Topics that a node reads, and whose boxes are on them; "" where there is one detector, or none.
+
+    Args:
+        detectors: several, whose topics are in the place of those of boxes; empty: there is one.
+    """
+    own = tuple(
+        (ReadTopic(each.topic, each.type_name, each.depth, each.reliable), each.name) for each in detectors
+    )
+    others = [topic for topic in READ if not own or topic.type_name in (ODOMETRY, TRANSFORMS)]
+    return (*own, *((topic, "") for topic in others))

@@ -46,6 +46,7 @@ class Ways:
 
     Attributes:
         preset: in force.
+        config: of the pipelines.
         strategy: name of the monitored area.
         without_pose: the pipeline of frames without a pose: tracks everything.
     """
@@ -68,7 +69,7 @@ class Ways:
     def _make(self) -> None:
         """Begin with the preset in force."""
         config = pipeline_of(self.preset)
-        self._config = config
+        self.config = config
         self.without_pose = Pipeline(EverythingArea(), config)
         self._off_map = Pipeline(RectangularArea(self.preset.rectangular, config.braking_distance), config)
         self._pipeline: Pipeline | None = None
@@ -111,7 +112,7 @@ class Ways:
         else:
             view = MapView(self._map, route)
         area = make_strategy(self.strategy, self.preset, view)
-        return Pipeline(area, self._config, route if self.preset.path_from == "map" else None)
+        return Pipeline(area, self.config, route if self.preset.path_from == "map" else None)
 
     def _route_at(self, ego: EgoState) -> Route | None:
         assert self._follower is not None

@@ -34,6 +34,14 @@ def command(
         str | None, typer.Option(help="mcap or sqlite3. Default: as the file's suffix says, else mcap.")
     ] = None,
     topic: options.BagTopic = None,
+    detectors: Annotated[
+        Path | None,
+        typer.Option(
+            help="Several detectors into one tracker: a file with topic, profile, delay and trust of each "
+            "(docs/ros.md, Several detectors).",
+            metavar="FILE.toml",
+        ),
+    ] = None,
     odometry: options.BagOdometry = None,
     map_file: Annotated[
         Path | None,
@@ -103,12 +111,15 @@ def command(
         side_of_bag,
         summary_table,
     )
+    from scenarios.live.detectors import read_detectors
     from scenarios.live.settings import DATASETS, OUTPUT_FRAMES, LiveSettings
     from scenarios.recorded.vehicles import Vehicle
     from scenarios.ros.bags.writer import STORAGES
     from scenarios.ros.messages import VELOCITY_FRAMES
     from scenarios.settings import PARAMETERS
 
+    if detectors is not None and topic is not None:
+        raise ArgumentError("--topic and --detectors both name topics of boxes; give one of them")
     gate = parse_gate("bag", fail_on, junit, lambda: BAG_MEASURES)
     settings = LiveSettings(
         preset=options.parse_preset(preset),
@@ -123,6 +134,7 @@ def command(
         sensor_pose=None if sensor is None else parse_sensor(sensor),
         map_frame=map_frame,
         base_frame=base_frame,
+        detectors=() if detectors is None else read_detectors(detectors),
     )
     stored = None if storage is None else options.parse_name(storage, tuple(STORAGES), "--storage")
     asked = BagOptions(path, out, stored, topic, odometry, settings, map_file)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from evaluation.studies.mot.tracking import TrackedSequence
 from scenarios.errors import DatasetError
 from scenarios.recorded.dataset import Dataset, Objects
 from smartmot.tracking.profile import CategoryProfile, DetectorProfile
@@ -107,3 +109,26 @@ def detector_notes(data: Dataset, detectors: Mapping[str, DetectorProfile | None
             facts += [f"{name} {each.reference_score:.3g}" for name, each in profile.categories.items()]
         notes.append(f"detector {name}: {', '.join(facts)}")
     return notes
+
+
+LEFT_OUT_TEXTS = {
+    "too_late": "measurements arrived later than the tracker waits: left out",
+    "too_early": "measurements are stamped far ahead of all others, as by a wrong clock: left out",
+    "repeated": "measurements are of a time that it had reported already: left out",
+    "dropped": "boxes are under the tracker's score threshold: left out",
+    "weak": "boxes have scores too low to start a track, by its scale and trust",
+}
+"""What each number of `smartmot.tracking.fusion.fused.LeftOut` counts."""
+
+
+def left_out_lines(tracked: Iterable[TrackedSequence]) -> list[str]:
+    """What was left out of each of several detectors, or starts no track, and why, a line each."""
+    sums: Counter[tuple[str, str]] = Counter()
+    for sequence in tracked:
+        for name, left_out in sequence.left_out.items():
+            sums.update({(name, field): getattr(left_out, field) for field in LEFT_OUT_TEXTS})
+    return [
+        f"detector {name}: {number} {LEFT_OUT_TEXTS[field]}"
+        for (name, field), number in sums.items()
+        if number
+    ]

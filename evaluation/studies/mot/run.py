@@ -17,7 +17,7 @@ from evaluation.studies.mot.film import Film
 from evaluation.studies.mot.forecasts import MODELS, SHIPPED, carried_on, motions, score_forecasts
 from evaluation.studies.mot.lanes import LaneForecast, require_cover
 from evaluation.studies.mot.map_filter import filter_by_map
-from evaluation.studies.mot.notes import notes_on
+from evaluation.studies.mot.notes import notes_on, unscored_categories
 from evaluation.studies.mot.offline import OFFLINE, offline_config, with_hindsight
 from evaluation.studies.mot.score_scale import scale_notes, with_score_scale
 from evaluation.studies.mot.tables import TRACK_FORMATS, write_forecasts, write_scores, write_tracks
@@ -135,7 +135,9 @@ def prepare(
         detectors = detectors_of(data, scores, profiles or {})
         config = with_score_scale(config, data, scores)
         notes += detector_notes(data, detectors) if detectors else scale_notes(config, data)
-    return MotStudy(data, config, network, by_map, (*notes, *notes_on(data, config)), detectors)
+    # of several detectors, what is weak is counted for each as it is tracked
+    notes += unscored_categories(data) if detectors else notes_on(data, config)
+    return MotStudy(data, config, network, by_map, tuple(notes), detectors)
 
 
 def chosen(data: Dataset, names: str | None) -> Dataset:

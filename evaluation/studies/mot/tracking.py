@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -14,7 +14,7 @@ from scenarios.recorded.dataset import Objects, Sequence
 from scenarios.sources.frames import frames
 from scenarios.sources.recorded import RecordedSource
 from smartmot.errors import SmartMotError
-from smartmot.tracking.fusion.fused import FusedTracker
+from smartmot.tracking.fusion.fused import FusedTracker, LeftOut
 from smartmot.tracking.own import ObjectTracker, update_own
 from smartmot.tracking.tracker import Tracker, box_filter
 from smartmot.types import BoolArray, FloatArray, IntArray, Tracks
@@ -39,8 +39,7 @@ class TrackedSequence:
         existence: (K,) probabilities that there is an object; None: the tracker does not tell.
         mean: (K, D) of the filter's states; None: not known.
         confirmed: (K,) whether the row's track was confirmed by then; None: all were.
-        too_late: Measurements of several detectors that arrived later than the tracker's buffer reaches.
-        too_early: Those whose stamps are far ahead of all others.
+        left_out: Of several detectors, what was left out of each, by name.
     """
 
     sequence: Sequence
@@ -53,8 +52,7 @@ class TrackedSequence:
     existence: FloatArray | None = None
     mean: FloatArray | None = None
     confirmed: BoolArray | None = None
-    too_late: int = 0
-    too_early: int = 0
+    left_out: Mapping[str, LeftOut] = field(default_factory=dict)
 
 
 def track_sequence(
@@ -128,8 +126,7 @@ def track_sequence(
         existence=None if reported[0].existence is None else column("existence")[kept],
         mean=column("mean")[kept],
         confirmed=confirmed[kept],
-        too_late=tracker.too_late if isinstance(tracker, FusedTracker) else 0,
-        too_early=tracker.too_early + tracker.waiting if isinstance(tracker, FusedTracker) else 0,
+        left_out=tracker.finish() if isinstance(tracker, FusedTracker) else {},
     )
 
 

@@ -27,6 +27,7 @@ PARAMETERS = (
     "output_frame",
     "vehicle",
     "sensor_pose",
+    "detectors",
     "map_frame",
     "base_frame",
     "use_sim_time",

@@ -27,7 +27,7 @@ from scenarios.live.node.warm_up import warm_up
 from scenarios.live.outputs import FrameOutput
 from scenarios.live.perception import LivePerception, Output
 from scenarios.live.published import published
-from scenarios.live.topics import PUBLISHED, READ, STATIC_TRANSFORMS, PublishedTopic
+from scenarios.live.topics import PUBLISHED, STATIC_TRANSFORMS, PublishedTopic, read_topics
 from scenarios.reading import ReadError
 from scenarios.recorded.maps.drive_map import load_drive_map
 from scenarios.ros.bags.decoding import decoded
@@ -122,7 +122,7 @@ class LiveNode:
         self._perception = LivePerception(settings, lane_map)
         self._detections = ""
         self._refused, self._lost, self._second = 0, 0, 0
-        self._number = 0  # of the last frame, as its publisher counts
+        self._numbers: dict[str, int] = {}  # of the last frame of a topic, as its publisher counts
         self._slowest_s = 0.0
         self._times = AnswerTimes()
         warm_up(settings, lane_map)
@@ -144,6 +144,8 @@ class LiveNode:
             ("frames", counts.frames),
             ("tracked", counts.tracked),
             ("late", counts.late),
+            ("repeated", counts.repeated),
+            ("far ahead of all others", counts.early),
             ("without pose", counts.without_pose),
             ("off the map", counts.off_map),
             ("boxes rejected", counts.rejected),
@@ -151,33 +153,39 @@ class LiveNode:
             ("frames lost", self._lost),
             ("frames of a second source", self._second),
         )
-        return ", ".join(
+        line = ", ".join(
             f"{number} {name}" for name, number in rows if number or name in ("frames", "tracked")
         )
+        detectors = self._perception.counts_of if self._perception.settings.detectors else {}
+        for name, own in detectors.items():
+            left_out = own.late + own.repeated + own.early
+            line += f"; {name}: {own.frames} frames, {own.behind} behind a newer one, {left_out} left out"
+        return line
 
     def _publisher(self, topic: PublishedTopic) -> Any:
         kind = _message_type(topic.type_name)
         return self.node.create_publisher(kind, topic.name, _quality(topic.depth))
 
     def _subscribe(self) -> None:
-        """Read all topics whose types the workspace has; boxes of one type are enough."""
-        for topic in READ:
+        """Read all topics whose types the workspace has; boxes of one type are enough, of one detector."""
+        for topic, detector in read_topics(self._perception.settings.detectors):
             try:
                 kind = _message_type(topic.type_name)
             except NodeError as error:
-                if topic.type_name != PREDICTION_ARRAY:
+                if topic.type_name != PREDICTION_ARRAY or detector:
                     raise
                 self._log.warning(f"{topic.name} is not read: {error}")
                 continue
             stored = Topic(topic.name, topic.type_name, "cdr")
             quality = _quality(topic.depth, topic.reliable, topic.latched)
-            self.node.create_subscription(kind, topic.name, partial(self._take, stored), quality, raw=True)
+            take = partial(self._take, stored, detector)
+            self.node.create_subscription(kind, topic.name, take, quality, raw=True)
 
-    def _take(self, topic: Topic, data: bytes, information: Any) -> None:
+    def _take(self, topic: Topic, detector: str, data: bytes, information: Any) -> None:
         """Take a message, and publish what it makes known."""
         begin = time.perf_counter()
         if topic.type_name in DETECTION_TYPES:
-            if not self._is_first_source(topic):
+            if not detector and not self._is_first_source(topic):
                 return
             self._count_lost(topic.name, information["publication_sequence_number"] or 0)
         now_ns = self._clock.now().nanoseconds
@@ -191,7 +199,8 @@ class LiveNode:
             return
         if isinstance(message, DetectionMessage):
             self._times.receive(message, information["received_timestamp"] or 0)
-        self._publish(self._perception.take(message, static=topic.name == STATIC_TRANSFORMS))
+        static = topic.name == STATIC_TRANSFORMS
+        self._publish(self._perception.take(message, static, detector))
         self._slowest_s = max(self._slowest_s, time.perf_counter() - begin)
 
     def _is_first_source(self, topic: Topic) -> bool:
@@ -210,11 +219,12 @@ class LiveNode:
 
         Numbers are of a publisher, which is not known: with several of them nothing can be said.
         """
-        gap = number - self._number - 1
-        if self._number and gap > 0 and self.node.count_publishers(topic) == 1:
+        before = self._numbers.get(topic, 0)
+        gap = number - before - 1
+        if before and gap > 0 and self.node.count_publishers(topic) == 1:
             self._lost += gap
             self._log.warning(f"{topic}: {gap} frames lost", throttle_duration_sec=REPEAT_S)
-        self._number = number
+        self._numbers[topic] = number
 
     def _tick(self) -> None:
         self._publish(self._perception.advance(self._clock.now().nanoseconds))

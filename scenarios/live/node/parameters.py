@@ -50,6 +50,9 @@ PARAMETERS: Mapping[str, NodeParameter] = MappingProxyType(
         "sensor_pose": NodeParameter(
             NUMBERS, "x, y, z (m) and yaw (rad) of the sensor on the vehicle; default: as the transforms say"
         ),
+        "detectors": NodeParameter(
+            TEXT, "file with topic, profile, delay and trust of each of several detectors (docs/ros.md)"
+        ),
         "map_frame": NodeParameter(TEXT, "frame of the poses where transforms alone have them"),
         "base_frame": NodeParameter(TEXT, "the vehicle's frame where transforms alone have it"),
     }
@@ -67,6 +70,7 @@ def live_settings(given: Mapping[str, object]) -> tuple[LiveSettings, Path | Non
         ScenarioError, DatasetError, smartmot.errors.SmartMotError: a name is unknown, or a value is none of
             its kind or out of range.
     """
+    from scenarios.live.detectors import read_detectors
     from scenarios.live.settings import LiveSettings
     from scenarios.recorded.vehicles import Vehicle
 
@@ -76,6 +80,8 @@ def live_settings(given: Mapping[str, object]) -> tuple[LiveSettings, Path | Non
         values["vehicle"] = Vehicle(*_of_length("vehicle", values["vehicle"], (2, 3)))
     if "sensor_pose" in values:
         values["sensor_pose"] = _of_length("sensor_pose", values["sensor_pose"], (4,))
+    if "detectors" in values:
+        values["detectors"] = read_detectors(Path(values["detectors"]))
     return LiveSettings(**values), None if map_file is None else Path(map_file)
 
 

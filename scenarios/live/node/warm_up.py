@@ -10,7 +10,7 @@ import numpy as np
 from scenarios.live.perception import LivePerception
 from scenarios.live.published import published
 from scenarios.live.settings import LiveSettings
-from scenarios.live.topics import READ
+from scenarios.live.topics import read_topics
 from scenarios.ros.bags.decoding import decoded
 from scenarios.ros.bags.topics import RawMessage, Topic
 from scenarios.ros.definitions import ros2_types
@@ -33,7 +33,7 @@ def warm_up(settings: LiveSettings, lane_map: LaneMap | None) -> None:
     """
     types = ros2_types()
     make = rosbags_make(types)
-    for topic in READ:
+    for topic, _ in read_topics(settings.detectors):
         data = bytes(types.serialize_cdr(make(topic.type_name), topic.type_name))
         decoded(RawMessage(Topic(topic.name, topic.type_name, "cdr"), 1, data))
     if settings.strategy is not None and is_plugin(settings.strategy):
@@ -41,8 +41,9 @@ def warm_up(settings: LiveSettings, lane_map: LaneMap | None) -> None:
     if is_plugin(settings.rule):
         settings = replace(settings, rule="paper")
     perception = LivePerception(settings, lane_map)
-    for message in _messages(_start(lane_map)):
-        for output in perception.take(message):
+    names = [each.name for each in settings.detectors] or [""]
+    for k, message in enumerate(_messages(_start(lane_map))):
+        for output in perception.take(message, detector=names[k // 2 % len(names)]):
             published(output)
 
 

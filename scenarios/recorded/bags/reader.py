@@ -81,7 +81,7 @@ def read_bag(path: Path, reading: BagReading | None = None) -> Dataset:
         notes.append(f"monitored lanes of {', '.join(lanes)} are not used: areas are made from a map")
     frames = _sorted(path, [m for _, m in received if isinstance(m, DetectionMessage)], notes)
     if not frames:
-        raise DatasetError(f"{path}: topic {topics.boxes} has no messages")
+        raise DatasetError(f"{path}: topic {topics.boxes[0]} has no messages")
     classes = bag_classes(path, CLASSES)
     name = path.resolve().name if path.is_dir() else path.name.partition(".")[0]
     sequence = _sequence(name, frames, Places(received), classes, reading.velocity_frame, notes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
@@ -49,6 +50,8 @@ class Localisation:
     Args:
         settings: frames, sensor and times.
         keep_all: whether all poses and transforms are remembered; else those of the last seconds.
+        given: x, y, z (m) and yaw (rad) in the vehicle's frame, by sensor, of those that transforms need not
+            tell.
 
     Attributes:
         poses: of the odometry.
@@ -57,13 +60,19 @@ class Localisation:
         assumed: names of sensors that were taken to be at the vehicle's origin.
     """
 
-    def __init__(self, settings: FrameSettings, keep_all: bool = False) -> None:
+    def __init__(
+        self,
+        settings: FrameSettings,
+        keep_all: bool = False,
+        given: Mapping[str, tuple[float, float, float, float]] | None = None,
+    ) -> None:
         self.poses = PoseBuffer(settings.carry_s, None) if keep_all else PoseBuffer(settings.carry_s)
         self.tree = TransformTree(None) if keep_all else TransformTree()
         self.source: str | None = None
         self.assumed: set[str] = set()
         self._settings = settings
         self._fixed = None if settings.sensor_pose is None else _flat(*settings.sensor_pose)
+        self._given = {sensor: _flat(*pose) for sensor, pose in (given or {}).items()}
         self._map_frame = settings.map_frame
         self._nothing_came = False
         self._newest_ns: int | None = None
@@ -184,6 +193,8 @@ class Localisation:
     def _sensor(self, sensor: str, stamp_ns: int) -> FloatArray | None:
         if self._fixed is not None:
             return self._fixed
+        if sensor in self._given:
+            return self._given[sensor]
         if sensor == self.base_frame:
             return np.eye(4)
         return self.tree.at(self.base_frame, sensor, stamp_ns, hold=True)

@@ -39,6 +39,28 @@ MOST_MEASUREMENTS = 1000
 """Kept at most, whatever their stamps say: 10 s of three detectors at 30 Hz."""
 
 
+@dataclass(slots=True)
+class LeftOut:
+    """Of one detector, what was left out, and why.
+
+    Args:
+        too_late: Measurements that arrived later than the buffer reaches.
+        too_early: Measurements so far ahead of all others that a wrong clock must have stamped them: those
+            that came next were of the time before.
+        repeated: Measurements that it had already reported for that time.
+        dropped: Boxes whose score, relative to its sure ones and times its trust, was under the tracker's
+            threshold when they arrived.
+        weak: Boxes whose score was too low to start a track that is shown, those dropped included; the others
+            follow tracks.
+    """
+
+    too_late: int = 0
+    too_early: int = 0
+    repeated: int = 0
+    dropped: int = 0
+    weak: int = 0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FusedState:
     """What is known after a measurement.
@@ -62,6 +84,8 @@ class _Measurement:
     monitored: Monitored | None
     after: FusedState
     tracks: Tracks
+    dropped: int
+    weak: int
 
     @property
     def key(self) -> tuple[float, int]:
@@ -85,10 +109,7 @@ class FusedTracker:
 
     Attributes:
         delays_s: Time from measurement to arrival, by detector, as the profiles say.
-        too_late: Measurements that arrived later than the buffer reaches, and were left out.
-        too_early: Measurements so far ahead of all others that a wrong clock must have stamped them: those
-            that came next were of the time before. They were left out.
-        repeated: Measurements that a detector had already reported for that time, and that were left out.
+        left_out: What was left out of each detector, by name.
     """
 
     def __init__(
@@ -112,14 +133,13 @@ class FusedTracker:
         self.delays_s = {name: weighing.delay_s for name, weighing in self._weighings.items()}
         self.config = _waiting_longer(replace(config, score_reference=1.0), _slack_s(detectors))
         self._tracker = Tracker(self.config)
-        self.score_limits = self._tracker.score_limits
         self.reset()
 
-    def reset(self) -> None:
-        """Forget everything; identifiers start at 1 again."""
-        self.too_late = self.too_early = self.repeated = 0
+    def reset(self, next_id: int = 1) -> None:
+        """Forget everything; identifiers start at 1 again, or at another number."""
+        self.left_out = {name: LeftOut() for name in self._weighings}
         self._ahead: list[tuple[Detections, Monitored | None]] = []
-        self._before = FusedState(TrackerState.empty(), {})
+        self._before = FusedState(replace(TrackerState.empty(), next_id=next_id), {})
         self._measurements: list[_Measurement] = []
 
     @property
@@ -162,14 +182,23 @@ class FusedTracker:
         if self._measurements:
             if detections.stamp_s - self._measurements[-1].stamp_s > max(self.buffer_s, LEAST_AHEAD_S):
                 return self._wait(detections, monitored)
-            self.too_early += len(self._ahead)
-            self._ahead.clear()
+            self._refuse_ahead()
         return self._taken(detections, place, monitored)
 
     @property
     def waiting(self) -> int:
         """Measurements far ahead of all others that wait for another one to confirm their time."""
         return len(self._ahead)
+
+    def finish(self) -> dict[str, LeftOut]:
+        """What was left out of each detector, when no measurement comes any more: what waits is too early."""
+        self._refuse_ahead()
+        return self.left_out
+
+    def _refuse_ahead(self) -> None:
+        for each, _ in self._ahead:
+            self.left_out[each.detector].too_early += 1
+        self._ahead.clear()
 
     def _wait(self, detections: Detections, monitored: Monitored | None) -> Tracks:
         """Keep a measurement that is far ahead, or take in all such if their time is confirmed."""
@@ -180,8 +209,7 @@ class FusedTracker:
         alone_s = max(each.stamp_s for each, _ in ahead) - min(each.stamp_s for each, _ in ahead)
         if not confirmed and not (len(near) > 1 and alone_s >= self.buffer_s):
             if len(ahead) > MOST_MEASUREMENTS:
-                del ahead[0]
-                self.too_early += 1
+                self.left_out[ahead.pop(0)[0].detector].too_early += 1
             return tracks
         ahead.sort(key=lambda each: (each[0].stamp_s, self._places[each[0].detector]))
         for each, area in ahead:
@@ -196,13 +224,16 @@ class FusedTracker:
         base_s = self._before.tracker.stamp_s
         forgotten = at == 0 and base_s is not None and detections.stamp_s <= base_s
         if kept and (forgotten or detections.stamp_s < kept[-1].stamp_s - self.buffer_s):
-            self.too_late += 1
+            self.left_out[detections.detector].too_late += 1
             return kept[-1].tracks
         if at < len(kept) and kept[at].key == key:
-            self.repeated += 1
+            self.left_out[detections.detector].repeated += 1
             return kept[-1].tracks
         before = kept[at - 1].after if at else self._before
         kept.insert(at, self._processed(before, detections, place, monitored))
+        of_detector = self.left_out[detections.detector]
+        of_detector.dropped += kept[at].dropped
+        of_detector.weak += kept[at].weak
         for k in range(at + 1, len(kept)):
             later = kept[k]
             kept[k] = self._processed(kept[k - 1].after, later.detections, later.place, later.monitored)
@@ -225,9 +256,9 @@ class FusedTracker:
         weighed, scale = weighing.weighed(detections, before.scales.get(name))
         state, tracks = self._tracker.step(before.tracker, weighed, monitored, True, weighing.trust)
         scales = before.scales if scale is None else {**before.scales, name: scale}
-        return _Measurement(
-            detections.stamp_s, place, detections, monitored, FusedState(state, scales), tracks
-        )
+        dropped, sure = self._tracker.score_limits.counts(weighed)
+        after, weak = FusedState(state, scales), len(weighed) - sure
+        return _Measurement(detections.stamp_s, place, detections, monitored, after, tracks, dropped, weak)
 
     def _forget(self) -> None:
         """Drop what no measurement can come before any more."""

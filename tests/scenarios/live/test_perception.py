@@ -20,7 +20,7 @@ from scenarios.live.counts import ERROR, OK, WARN, Diagnostics
 from scenarios.live.outputs import ADD, ARROW, CUBE, DELETE, LINE_STRIP, TEXT, FrameOutput
 from scenarios.live.perception import LATE_LIMIT, LivePerception
 from scenarios.live.placing import PlacedFrame, place
-from scenarios.live.settings import DATASETS, LiveSettings
+from scenarios.live.settings import DATASETS, LiveSettings, class_names
 from scenarios.presets import PHYSICAL
 from scenarios.recorded.bags.reader import CLASSES, read_bag
 from scenarios.recorded.vehicles import Vehicle
@@ -367,7 +367,7 @@ def test_without_a_header_the_newest_pose_counts_as_long_as_poses_come(
 
 
 def test_classes_are_those_of_recordings_unless_a_data_set_is_named() -> None:
-    assert LiveSettings().classes == CLASSES
+    assert class_names(LiveSettings().dataset) == CLASSES
     rows = [(name, 20.0, 3.0 * k, 0.0, 4.0, 1.8, 0.9) for k, name in enumerate(("trailer", "rider", "car"))]
     unknown = {
         name: frames_of([boxes(1.0, rows)], replace(SETTINGS, dataset=name))[1].counts.unknown_classes
@@ -542,12 +542,12 @@ def turning(velocities: str) -> list[Message]:
 def test_the_axes_of_velocities_are_told_by_displacements(axes: str) -> None:
     other = "world" if axes == "sensor" else "sensor"
     _, perception = frames_of(turning(axes), SETTINGS)
-    assert perception.velocities.agreeing() == (axes,)
-    note = perception.velocities.note("ignore")
+    assert perception.velocities[""].agreeing() == (axes,)
+    note = perception.velocities[""].note("ignore")
     assert note is not None
     assert f"axes of: {axes}" in note
-    assert perception.velocities.note(axes) is None
-    assert f"velocity_frame is {other}" in str(perception.velocities.note(other))
+    assert perception.velocities[""].note(axes) is None
+    assert f"velocity_frame is {other}" in str(perception.velocities[""].note(other))
 
 
 def test_velocities_are_used_in_the_axes_that_are_chosen() -> None:

@@ -379,3 +379,91 @@ def test_a_bag_without_boxes_tells_what_there_is(tmp_path: Path, command: Comman
     assert status == 2
     assert "no topic of bevfusion_msgs/msg/PredictionArray or" in error
     assert "it has /chatter (std_msgs/msg/String)" in error
+
+
+DETECTORS = """
+[lidar]
+topic = "/lidar"
+rate_hz = 10
+sensor_pose = [0, 0, 0, 0]
+type = "bevfusion_msgs/PredictionArray"
+
+[camera]
+topic = "/camera"
+rate_hz = 10
+delay_s = 0.12
+trust = 0.9
+sensor_pose = [0, 0, 0, 0]
+type = "bevfusion_msgs/msg/PredictionArray"
+"""
+
+
+def write_by_two(path: Path, source: Path, late_ns: int) -> Path:
+    """The boxes of a drive on two topics in turns, those of the second received later."""
+    types = ros2_types()
+    rows: list[tuple[int, str, str, bytes]] = []
+    with Reader(source) as reader:
+        frame = 0
+        for connection, time_ns, data in reader.messages():
+            name = connection.topic
+            if connection.msgtype == PREDICTION_ARRAY:
+                name = ("/lidar", "/camera")[frame % 2]
+                time_ns += late_ns * (frame % 2)
+                frame += 1
+            rows.append((time_ns, name, connection.msgtype, bytes(data)))
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
+        topics = {name: kind for _, name, kind, _ in rows}
+        connections = {name: bag.add_connection(name, kind, typestore=types) for name, kind in topics.items()}
+        for time_ns, name, _, data in sorted(rows, key=lambda row: row[:2]):
+            bag.write(connections[name], time_ns, data)
+    return path
+
+
+def test_several_detectors_go_into_one_tracker_late_ones_too(tmp_path: Path, command: Command) -> None:
+    source = write_drive(tmp_path / "drive", 90)
+    detectors = tmp_path / "detectors.toml"
+    detectors.write_text(DETECTORS)
+    ends = []
+    for late_ns in (0, 120_000_000):
+        bag = write_by_two(tmp_path / f"by_two_{late_ns}", source, late_ns)
+        out = tmp_path / f"out_{late_ns}"
+        status, text, errors = command(bag, "--out", out, "--detectors", detectors, "--preset", "physical")
+        assert (status, errors) == (0, "")
+        assert "note: detector lidar: 45 frames with 45 boxes, trust 1" in text
+        assert "note: detector camera: 45 frames with 45 boxes, trust 0.9, 0.12 s late by its profile" in text
+        behind = "note: detector camera: frames behind a newer one of another detector: 44"
+        assert (behind in text) == bool(late_ns)
+        assert sum(message.data for _, message in published(out, COLLISION.name))
+        tracks = published(out, TRACKS.name)
+        assert len(tracks) == 90
+        ends.append([(box.id, box.bbox.center.position) for box in tracks[-1][1].detections])
+        assert [number for number, _ in ends[-1]] == ["1"]
+    # the last frame of all is the camera's: in both cases everything is known then
+    assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "text", "message"),
+    [
+        (("--topic", "/lidar"), DETECTORS, "--topic and --detectors both name topics of boxes"),
+        (("--max-age", "3"), DETECTORS, "max_age: not with several detectors"),
+        ((), DETECTORS.replace("/camera", "/radar"), "/radar is no topic with boxes; there are: "),
+        (
+            (),
+            DETECTORS.replace("bevfusion_msgs/msg/PredictionArray", "vision_msgs/msg/Detection3DArray"),
+            "is of type bevfusion_msgs/msg/PredictionArray, and the file says vision_msgs/msg/Detection3D",
+        ),
+        ((), DETECTORS + "speed = 3", "[camera]: unknown key 'speed'"),
+    ],
+)
+def test_mistakes_about_detectors_are_one_line(
+    tmp_path: Path, command: Command, words: tuple[str, ...], text: str, message: str
+) -> None:
+    bag = write_by_two(tmp_path / "by_two", write_drive(tmp_path / "drive", 4), 0)
+    detectors = tmp_path / "detectors.toml"
+    detectors.write_text(text)
+    status, _, errors = command(bag, "--out", tmp_path / "out", "--detectors", detectors, *words)
+    assert status == 2
+    assert message in errors
+    assert len(errors.splitlines()) == 1
+    assert not (tmp_path / "out").exists()

@@ -9,7 +9,7 @@ import pytest
 
 from evaluation.cli import main
 from evaluation.errors import ArgumentError
-from evaluation.studies.mot.detectors import detectors_of
+from evaluation.studies.mot.detectors import detectors_of, left_out_lines
 from evaluation.studies.mot.run import prepare, track_dataset
 from scenarios.errors import DatasetError
 from scenarios.recorded.csv_files import read_csv
@@ -53,7 +53,7 @@ def test_late_measurements_lead_to_the_same_tracks(tmp_path: Path) -> None:
         study = prepare(_recording(tmp_path / name, delay_s), CONFIG)
         assert list(study.detectors) == ["camera", "lidar"]
         [tracked] = track_dataset(study.data, study.config, detectors=study.detectors)  # type: ignore[arg-type]
-        assert tracked.too_late == 0
+        assert left_out_lines([tracked]) == []
         last = (
             tracked.tracks.frame == 42
         )  # of the lidar at 2.7 s: the camera's of 2.25 s and before have arrived
@@ -82,7 +82,26 @@ def test_measurements_beyond_the_buffer_are_counted(
 ) -> None:
     folder = _recording(tmp_path / "data", 1.5)
     assert _call(monkeypatch, folder, "--scores", "running", "--out", tmp_path / "out") == 0
-    assert "measurements arrived later than the tracker waits: left out" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    # those that the lidar is more than a second ahead of when they arrive: of 0.05 to 1.85 s
+    assert "detector camera: 10 measurements arrived later than the tracker waits: left out" in told
+    assert "detector lidar: 1" not in told
+
+
+def test_weak_boxes_are_those_of_a_detector_and_not_of_the_sum(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The camera's 0.4 is as sure as the lidar's 0.9: 0.3 starts a track by the one alone."""
+    folder = _recording(tmp_path / "data", None)
+    file = folder / "detections.csv"
+    lines = file.read_text().splitlines()
+    weak = [f"3.1,{x},0,4.5,1.8,0,0.3,car,{name}" for x, name in ((500, "camera"), (600, "lidar"))]
+    file.write_text("\n".join([*lines, *weak]) + "\n")
+    assert _call(monkeypatch, folder, "--out", tmp_path / "out") == 0
+    told = capsys.readouterr().out
+    assert "detector lidar: 1 boxes have scores too low to start a track" in told
+    assert "detector camera: 1 boxes" not in told
+    assert "dropped" not in told
 
 
 def test_a_delay_of_the_profile_stands_in_for_times_of_arrival(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.errors import ScenarioError
+from scenarios.live.detectors import LiveDetector
 from scenarios.live.node.parameters import PARAMETERS, live_settings
 from scenarios.live.settings import LiveSettings
 from scenarios.recorded.vehicles import Vehicle
@@ -97,3 +98,10 @@ def test_unknown_parameters_are_refused_with_the_known_ones() -> None:
     with pytest.raises(ScenarioError, match="'max_aeg'") as caught:
         live_settings({"max_aeg": 3})
     assert all(name in str(caught.value) for name in PARAMETERS)
+
+
+def test_a_file_of_detectors_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "detectors.toml"
+    file.write_text('[lidar]\ntopic = "/boxes"\n')
+    settings, _ = live_settings({"detectors": str(file)})
+    assert settings == LiveSettings(detectors=(LiveDetector("lidar", "/boxes"),))

@@ -25,7 +25,7 @@ def test_transforms_of_ros1_are_chosen_by_both_of_their_types(tmp_path: Path) ->
         rows.append((topic, type_name, time_ns, t[type_name]([pose])))
     with open_bag(bags_made.write_ros1(tmp_path / "a.bag", rows)) as bag:
         chosen = chosen_topics(bag, None, None)
-        assert chosen == ChosenTopics("/merged", None, ("/tf", "/tf_static"))
+        assert chosen == ChosenTopics(("/merged",), None, ("/tf", "/tf_static"))
         moved = [
             m.position_m.tolist() for _, m in bag.messages(*chosen.names) if isinstance(m, TransformMessage)
         ]

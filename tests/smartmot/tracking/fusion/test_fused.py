@@ -1,5 +1,7 @@
 """Several detectors into one tracker: late measurements, scales, trust, times that coincide."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -17,6 +19,7 @@ from smartmot import (
     tracker_config,
 )
 from smartmot.tracking.fusion import fused
+from smartmot.tracking.fusion.fused import LeftOut
 from smartmot.tracking.profile import CategoryProfile
 
 CONFIG = tracker_config("default")
@@ -51,6 +54,10 @@ def _drive(seed: int) -> list[Detections]:
     return sorted(made, key=lambda each: each.stamp_s)
 
 
+def _sum(tracker: FusedTracker, reason: str) -> int:
+    return sum(getattr(each, reason) for each in tracker.left_out.values())
+
+
 def _same(a: FusedTracker, b: FusedTracker) -> None:
     np.testing.assert_array_equal(a.state.tracker.rows, b.state.tracker.rows)
     np.testing.assert_array_equal(a.state.tracker.filtered, b.state.tracker.filtered)
@@ -70,7 +77,7 @@ def test_any_order_of_arrival_ends_where_the_order_of_time_ends(seed: int, delay
     arrivals = zip(measurements, delays, strict=True)
     for each, _ in sorted(arrivals, key=lambda pair: pair[0].stamp_s + pair[1]):
         tracks = shuffled.update(each)
-    assert shuffled.too_late == 0
+    assert _sum(shuffled, "too_late") == 0
     _same(ordered, shuffled)
     np.testing.assert_array_equal(tracks.track_id, ordered.at(tracks.stamp_s).track_id)  # type: ignore[union-attr]
 
@@ -93,10 +100,13 @@ def test_a_measurement_later_than_the_buffer_is_left_out_and_counted() -> None:
         tracker.update(_frame("lidar", 0.1 * k, [[1.0 * k, 0.0]]))
     before = tracker.state
     tracks = tracker.update(_frame("camera", 1.3, [[50.0, 50.0]]))
-    assert (tracker.too_late, tracks.stamp_s) == (1, pytest.approx(1.9))
+    assert (tracker.left_out, tracks.stamp_s) == (
+        {"lidar": LeftOut(), "camera": LeftOut(too_late=1)},
+        pytest.approx(1.9),
+    )
     assert tracker.state is before
     tracker.update(_frame("camera", 1.45, [[14.5, 0.0]]))
-    assert tracker.too_late == 1
+    assert tracker.left_out["camera"].too_late == 1
     assert len(tracker._measurements) == 7  # bounded: 1.4 to 1.9 s, and the late one
 
 
@@ -107,7 +117,7 @@ def test_the_buffer_is_bounded_in_measurements_too(monkeypatch: pytest.MonkeyPat
         tracker.update(_frame("lidar", 0.1 * k, [[1.0 * k, 0.0]]))
     assert len(tracker._measurements) == 5
     tracker.update(_frame("camera", 0.25, [[2.5, 0.0]]))
-    assert tracker.too_late == 1
+    assert tracker.left_out["camera"].too_late == 1
 
 
 @pytest.mark.parametrize("wrong", ["lidar", "camera"])
@@ -122,7 +132,9 @@ def test_a_stamp_of_a_wrong_clock_makes_no_other_too_late(wrong: str) -> None:
             )
             assert tracks.stamp_s <= frame.stamp_s
         disturbed.update(frame)
-    assert (disturbed.too_early, disturbed.too_late, disturbed.waiting) == (3, 0, 0)
+    other = "camera" if wrong == "lidar" else "lidar"
+    assert (disturbed.left_out[wrong].too_early, disturbed.waiting) == (3, 0)
+    assert disturbed.left_out[other] == clean.left_out[other]
     _same(disturbed, clean)
 
 
@@ -132,10 +144,11 @@ def test_a_detector_whose_clock_is_always_ahead_stops_nobody() -> None:
         tracker.update(_frame("lidar", stamp_s, [[2.0, 3.0]]))
         for early in (0.0, 0.03):
             tracker.update(_frame("camera", stamp_s + early + 3600.0, [[2.0, 3.0]]))
-    assert tracker.too_late == 0
+    assert _sum(tracker, "too_late") == 0
     assert tracker.state.tracker.stamp_s == pytest.approx(3.9)
-    assert tracker.too_early == 2 * 39
+    assert tracker.left_out == {"lidar": LeftOut(), "camera": LeftOut(too_early=2 * 39)}
     assert tracker.waiting == 2
+    assert tracker.finish()["camera"].too_early == 2 * 40
 
 
 def test_after_a_pause_the_second_detector_confirms_the_time_and_alone_a_second_of_measurements() -> None:
@@ -148,18 +161,18 @@ def test_after_a_pause_the_second_detector_confirms_the_time_and_alone_a_second_
     waiting = after([("lidar", 9.0)])
     assert (waiting.waiting, waiting.state.tracker.stamp_s) == (1, 0.05)
     both = after([("lidar", 9.0), ("camera", 9.02)])
-    assert (both.waiting, both.too_early, both.state.tracker.stamp_s) == (0, 0, 9.02)
+    assert (both.waiting, _sum(both, "too_early"), both.state.tracker.stamp_s) == (0, 0, 9.02)
     _same(both, after([("camera", 9.02), ("lidar", 9.0)]))
     alone = after([("lidar", 9.0 + 0.1 * k) for k in range(12)])
     assert alone.state.tracker.stamp_s == pytest.approx(10.1)
-    assert (alone.waiting, alone.too_early) == (0, 0)
+    assert (alone.waiting, _sum(alone, "too_early")) == (0, 0)
 
 
 def test_the_same_measurement_twice_counts_once() -> None:
     tracker = FusedTracker(CONFIG, BOTH)
     for _ in range(2):
         tracker.update(_frame("lidar", 0.0, [[0.0, 0.0]]))
-    assert (tracker.repeated, tracker.state.tracker.rows.shape[0]) == (1, 1)
+    assert (tracker.left_out["lidar"].repeated, tracker.state.tracker.rows.shape[0]) == (1, 1)
 
 
 def test_two_detectors_at_one_time_make_one_track_and_a_surer_one() -> None:
@@ -273,3 +286,15 @@ def test_what_only_the_slow_detector_sees_does_not_flicker() -> None:
         tracks = tracker.update(_frame("lidar", 0.1 * k, [[1.0 * k, 0.0]]))
         shown.append("cyclist" in tracks.category.tolist())
     assert all(shown[9:])  # a cyclist is confirmed by the second match
+
+
+def test_weak_boxes_are_counted_for_the_detector_that_reports_them() -> None:
+    sure = {"car": CategoryProfile(100, 0.5)}
+    profiles = {
+        "lidar": DetectorProfile("lidar", 10.0, sure),
+        "camera": DetectorProfile("camera", 10.0, sure, trust=0.5),
+    }
+    tracker = FusedTracker(replace(CONFIG, score_threshold=0.4), profiles)
+    for name in profiles:  # scores of 0.3 count 0.6 of one, and 0.3 of the other
+        tracker.update(_frame(name, 0.0, [[0.0, 0.0], [20.0, 0.0]], score=0.3))
+    assert tracker.left_out == {"lidar": LeftOut(), "camera": LeftOut(dropped=2, weak=2)}
