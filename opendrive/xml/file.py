@@ -7,11 +7,11 @@ from lxml import etree
 
 from opendrive.errors import MapContentError, WarningKind
 from opendrive.model import GeoOffset, Header
-from opendrive.xml.fields import REST, Field, Table, child, number, text
+from opendrive.xml.fields import child, number, text
 from opendrive.xml.junctions import JUNCTION, JUNCTION_GROUP
-from opendrive.xml.railroads import STATION
-from opendrive.xml.roads import ROAD
+from opendrive.xml.roads import ROAD, STATION
 from opendrive.xml.signals import CONTROLLER
+from opendrive.xml.tables import REST, Field, Table
 from opendrive.xml.values import Element, Values, first
 
 

@@ -4,20 +4,9 @@ from dataclasses import dataclass, replace
 
 from opendrive import model
 from opendrive.errors import WarningKind
-from opendrive.xml.fields import (
-    REQUIRED,
-    REST,
-    Field,
-    Table,
-    child,
-    children_of,
-    each,
-    integer,
-    number,
-    row,
-    text,
-)
+from opendrive.xml.fields import child, children_of, each, integer, number, row, text
 from opendrive.xml.roads import CONTACT_POINT, LINK
+from opendrive.xml.tables import REQUIRED, REST, Field, Table
 from opendrive.xml.values import Element, Values, children, children_but
 
 JUNCTION_TYPES = ("default", "direct", "virtual", "crossing")

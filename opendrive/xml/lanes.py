@@ -15,22 +15,9 @@ from lxml import etree
 from opendrive import model
 from opendrive.arrays import FloatArray, read_only
 from opendrive.errors import MapContentError, WarningKind
-from opendrive.xml.fields import (
-    LENGTH,
-    OTHER_ATTRIBUTES,
-    REST,
-    Field,
-    Table,
-    children_of,
-    each,
-    flag,
-    integer,
-    number,
-    numbers,
-    table_of,
-    text,
-)
+from opendrive.xml.fields import LENGTH, children_of, each, flag, integer, number, numbers, table_of, text
 from opendrive.xml.objects import MATERIAL
+from opendrive.xml.tables import OTHER_ATTRIBUTES, REST, Field, Table
 from opendrive.xml.values import CUBIC_OFFSET, Element, Values, children, children_but
 
 LATE_M = 1e-6

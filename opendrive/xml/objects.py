@@ -9,22 +9,9 @@ from lxml import etree
 from opendrive import model
 from opendrive.arrays import read_only
 from opendrive.errors import WarningKind
-from opendrive.xml.fields import (
-    LENGTH,
-    OTHER_ATTRIBUTES,
-    REQUIRED,
-    REST,
-    Field,
-    Table,
-    child,
-    children_of,
-    each,
-    flag,
-    number,
-    row,
-    text,
-)
+from opendrive.xml.fields import LENGTH, child, children_of, each, flag, number, row, text
 from opendrive.xml.signals import ORIENTATION, VALIDITY
+from opendrive.xml.tables import OTHER_ATTRIBUTES, REQUIRED, REST, Field, Table
 from opendrive.xml.values import Element, Values, children
 
 MATERIAL = Table(
@@ -76,7 +63,12 @@ _OUTLINE_ELEMENT = Table(
     id=text("id"),
     closed=flag("closed", True, no="false"),
     attributes=OTHER_ATTRIBUTES,
-    corners=Field(_read_corners, _write_corners, tags=tuple(_CORNERS)),
+    corners=Field(
+        _read_corners,
+        _write_corners,
+        tags=tuple(_CORNERS),
+        inner={tag: corner.names for tag, corner in _CORNERS.items() if corner.names is not None},
+    ),
 )
 
 
@@ -104,8 +96,14 @@ def _write_outline(element: Element, outline: model.Outline) -> None:
     _OUTLINE_ELEMENT.write(element, written)
 
 
-OUTLINE = Field(_read_outline, _write_outline, tags=_OUTLINE_ELEMENT.tags)
+OUTLINE = Field(
+    _read_outline,
+    _write_outline,
+    tags=_OUTLINE_ELEMENT.tags,
+    names=_OUTLINE_ELEMENT.names._replace(apart=_CORNERS.keys()),
+)
 _OUTLINES = children_of("outline", OUTLINE, within="outlines", kept=True)
+_OUTLINE_NAMES = {**_OUTLINES.inner, **children_of("outline", OUTLINE).inner}
 
 
 def _read_outlines(values: Values, element: Element) -> tuple[model.Outline, ...]:
@@ -118,7 +116,7 @@ def _change(quantity: str) -> Field[model.Change]:
     table = Table(
         model.Change, start_m=number(f"{quantity}Start", None), end_m=number(f"{quantity}End", None)
     )
-    return Field(table.read, table.write)
+    return Field(table.read, table.write, names=table.names)
 
 
 _REPEAT = Table(
@@ -179,7 +177,7 @@ OBJECT = Table(
     valid_length_m=number("validLength", None).lenient(),
     attributes=OTHER_ATTRIBUTES,
     repeats=each("repeat", _REPEAT),
-    outlines=replace(_OUTLINES, read=_read_outlines, tags=("outlines", "outline")),
+    outlines=replace(_OUTLINES, read=_read_outlines, tags=("outlines", "outline"), inner=_OUTLINE_NAMES),
     materials=each("material", MATERIAL),
     validity=VALIDITY,
     parking_space=child(

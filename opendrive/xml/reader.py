@@ -5,7 +5,7 @@ line. Junctions, road marks, signals, objects and the like are read when first a
 is left out with a `MapWarning`. To ask for the warnings reads everything.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -16,12 +16,12 @@ from opendrive.model import Deferred, DeferredRecords, Header, MapModel
 from opendrive.roads.road_records import RoadRecords
 from opendrive.xml.columns import read_geometry
 from opendrive.xml.document import parse, read_bytes
-from opendrive.xml.fields import Table
 from opendrive.xml.file import CONTENT, HEADER
 from opendrive.xml.lanes import read_remaining
 from opendrive.xml.layers import PERMANENT, choose_layer
 from opendrive.xml.roads import ROAD, read_known_road
-from opendrive.xml.values import Element, Values
+from opendrive.xml.tables import Table
+from opendrive.xml.values import Element, Values, children, first
 
 _Record = TypeVar("_Record")
 
@@ -112,14 +112,23 @@ def _all_warnings(
         len(records)
     used: set[tuple[str, str]] = set()
     for road_id, element in roads.items():
-        if not values.is_plain(element, ROAD.names):
-            details = ROAD.details(values, element)()
-            for tag, records in (("signal", details.signals), ("object", details.objects)):
-                for record in records:
-                    if (tag, record.id) in used:
-                        message = f"{tag} id {record.id!r:.80} is used twice; both are kept"
-                        kind = WarningKind.DUPLICATE_ID
-                        values.warnings.append(MapWarning(road_id, tag, message, kind, record.s_m))
-                    used.add((tag, record.id))
+        for tag, record_id, s_m in _signals_and_objects(values, element):
+            if (tag, record_id) in used:
+                message = f"{tag} id {record_id!r:.80} is used twice; both are kept"
+                values.warnings.append(MapWarning(road_id, tag, message, WarningKind.DUPLICATE_ID, s_m))
+            used.add((tag, record_id))
         read_remaining(values, element)
     return tuple(values.warnings)
+
+
+def _signals_and_objects(values: Values, road: Element) -> Iterator[tuple[str, str, float]]:
+    """Yield kind, id and s of the signals and objects of a road; read them if they can be warned of."""
+    if values.is_plain(road, ROAD.names):
+        for part, tag in (("signals", "signal"), ("objects", "object")):
+            for element in children(first(road, part), tag):
+                yield tag, element.get("id", ""), values.number(element, "s")
+    else:
+        details = ROAD.details(values, road)()
+        for tag, records in (("signal", details.signals), ("object", details.objects)):
+            for record in records:
+                yield tag, record.id, record.s_m

@@ -9,27 +9,11 @@ from lxml import etree
 from opendrive import model
 from opendrive.arrays import FloatArray
 from opendrive.errors import WarningKind
-from opendrive.xml.fields import (
-    LENGTH,
-    OTHER_ATTRIBUTES,
-    REQUIRED,
-    REST,
-    Field,
-    Table,
-    attribute,
-    child,
-    children_of,
-    each,
-    number,
-    numbers,
-    table_of,
-    text,
-    write_rows,
-)
+from opendrive.xml.fields import LENGTH, child, children_of, each, number, numbers, table_of, text, write_rows
 from opendrive.xml.lanes import LANE_SECTIONS, SPEED
 from opendrive.xml.objects import OBJECT, OBJECT_REFERENCE, STRUCTURE
-from opendrive.xml.railroads import SWITCH
 from opendrive.xml.signals import SIGNAL, SIGNAL_REFERENCE
+from opendrive.xml.tables import OTHER_ATTRIBUTES, REQUIRED, REST, Field, Table, attribute
 from opendrive.xml.values import CUBIC, Element, Values, children, empty_table, first
 
 MAX_TURN_RAD = 100.0
@@ -234,6 +218,47 @@ JUNCTION_ID = attribute(
 )
 SHAPE = ("s", "t", "a", "b", "c", "d")
 RULE = text("rule", "RHT", convert=_rule).lenient()
+
+# Railroads
+
+_TRACK = Table(model.Track, s_m=number("s"), road_id=text("id", REQUIRED), direction=text("dir", "+"))
+
+SWITCH = Table(
+    model.Switch,
+    name=text("name"),
+    id=text("id", REQUIRED),
+    position=text("position", "dynamic"),
+    main_track=child("mainTrack", _TRACK, required=True),
+    side_track=child("sideTrack", _TRACK, required=True),
+    partner_id=text("id", REQUIRED).inside("partner"),
+    partner_name=text("name").inside("partner"),
+    extra=REST,
+)
+
+_SEGMENT = Table(
+    model.PlatformSegment,
+    s_start_m=number("sStart"),
+    s_end_m=number("sEnd"),
+    side=text("side"),
+    road_id=text("roadId", REQUIRED),
+)
+_PLATFORM = Table(
+    model.Platform,
+    name=text("name"),
+    id=text("id", REQUIRED),
+    segments=children_of("segment", _SEGMENT),
+)
+
+STATION = Table(
+    model.Station,
+    name=text("name"),
+    type=text("type"),
+    id=text("id", REQUIRED),
+    platforms=children_of("platform", _PLATFORM, kept=True),
+    extra=REST,
+)
+
+# Roads
 
 ROAD = Table(
     model.Road,

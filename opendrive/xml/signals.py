@@ -3,20 +3,8 @@
 from lxml import etree
 
 from opendrive import model
-from opendrive.xml.fields import (
-    OTHER_ATTRIBUTES,
-    REQUIRED,
-    REST,
-    Field,
-    Table,
-    constant,
-    each,
-    flag,
-    integer,
-    number,
-    row,
-    text,
-)
+from opendrive.xml.fields import constant, each, flag, integer, number, row, text
+from opendrive.xml.tables import OTHER_ATTRIBUTES, REQUIRED, REST, Field, Table
 from opendrive.xml.values import Element, Values, first
 
 

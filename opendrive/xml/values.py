@@ -38,20 +38,36 @@ SMALL_INTEGERS = {str(value): value for value in range(-30, 31)}
 """By their text: ids of lanes are converted thousands of times."""
 
 
+Convert: TypeAlias = Callable[["Values", Element, str, str], Any]
+"""Makes a value of an element's attribute, given by name and text; raises `MapContentError`."""
+
+
 class Names(NamedTuple):
-    """Names of the children of an element.
+    """Names of the children and attributes of an element, and what can be warned of in them.
 
     Attributes:
-        plain: those that are read at once.
+        plain: children that are read at once.
         late: those that are read when first asked for.
         parts: by those in which other children stand, the names of these.
         single: those of which only the first is read.
+        inner: by children that are read late, the names in them, where these say everything.
+        apart: children of which only one kind may be there.
+        numbers: attributes that have to be numbers.
+        checks: by other attributes that cannot be any text, what refuses them.
+        required: attributes that have to be there.
+        is_complete: whether reading an element that keeps to these names gives no warning.
     """
 
-    plain: Collection[object]
-    late: Collection[object]
-    parts: Mapping[Any, Collection[object]]
-    single: Collection[object]
+    plain: Collection[object] = ()
+    late: Collection[object] = ()
+    parts: Mapping[Any, Collection[object]] = {}
+    single: Collection[object] = ()
+    inner: Mapping[Any, "Names"] = {}
+    apart: Collection[object] = ()
+    numbers: Collection[object] = ()
+    checks: Mapping[Any, Convert] = {}
+    required: Collection[str] = ()
+    is_complete: bool = True
 
 
 class Values:
@@ -188,13 +204,10 @@ class Values:
         """Return whether a text is a finite number that can be meant."""
         if text in self.numbers:
             return True
-        try:
-            sound = abs(float(text)) <= MAX_NUMBER
-        except ValueError:
+        if number_of(text) is None:
             return False
-        if sound:
-            self.numbers.add(text)
-        return sound
+        self.numbers.add(text)
+        return True
 
     def content(self, element: Element) -> object:
         """Return a key that elements share whose content is equal but for where they start."""
@@ -209,7 +222,7 @@ class Values:
 
     def is_plain(self, element: Element, names: "Names") -> bool:
         """Return whether an element has nothing that can be warned of once it is read."""
-        plain, late, parts, single = names
+        plain, late, parts, single, inner, apart = names[:6]
         seen: list[object] = []
         for child in element:
             tag = child.tag
@@ -222,26 +235,50 @@ class Values:
             if tag in parts:
                 read = parts[tag]
                 for member in child:
-                    if member.tag not in read and not self.is_known(member.tag):
+                    if member.tag not in read:
+                        if not self.is_known(member.tag):
+                            return False
+                    elif tag in late and not self.is_sound(member, inner.get(member.tag)):
                         return False
-                if tag in late and len(child):
-                    return False
             elif tag in late:
-                if self.content(child) not in self.sound:
+                if not self.is_sound(child, inner.get(tag)):
                     return False
             elif not self.is_known(tag):
                 return False
-        return True
+        return not apart or len({child.tag for child in element if child.tag in apart}) < 2
+
+    def is_sound(self, element: Element, names: Names | None) -> bool:
+        """Return whether an element that was not read has nothing that can be warned of.
+
+        Args:
+            element: the element.
+            names: what may stand in it; None where only what was read of others can tell.
+        """
+        if names is None:
+            return self.content(element) in self.sound
+        numbers, checks = names.numbers, names.checks
+        for name, text in element.items():
+            if name in numbers:
+                if number_of(text) is None:
+                    return False
+            elif name in checks:
+                try:
+                    checks[name](self, element, str(name), str(text))
+                except MapContentError:
+                    return False
+        if any(element.get(name) is None for name in names.required):
+            return False
+        return not len(element) or self.is_plain(element, names)
 
     def to_number(self, element: Element, name: str, text: str) -> float:
         """Return the text of an attribute as a finite number."""
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if abs(value) <= MAX_NUMBER:
+        value = number_of(text)
+        if value is not None:
             return value
-        is_finite = math.isfinite(value)
+        try:
+            is_finite = math.isfinite(float(text))
+        except ValueError:
+            is_finite = False
         expected = f"a value within {MAX_NUMBER:g}" if is_finite else "a finite number"
         raise self.unexpected(element, name, text, expected)
 
@@ -314,6 +351,15 @@ class Values:
                 )
             texts.append(etree.tostring(element, encoding="unicode", with_tail=False))
         return tuple(texts)
+
+
+def number_of(text: Any) -> float | None:
+    """Return a text as a number; None if it is none, or none that can be meant."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if -MAX_NUMBER <= value <= MAX_NUMBER else None
 
 
 @cache

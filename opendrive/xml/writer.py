@@ -9,8 +9,8 @@ from lxml import etree
 
 from opendrive.errors import OpenDriveError
 from opendrive.model import MapModel
-from opendrive.xml.fields import REST
 from opendrive.xml.file import CONTENT, HEADER
+from opendrive.xml.tables import REST
 
 
 class HasModel(Protocol):

@@ -8,9 +8,10 @@ from lxml import etree
 
 from opendrive import MapContentError, load_map, read_map, write_map
 from opendrive.model import Change, LaneRange, Signal, Switch, Track
-from opendrive.xml.fields import Table, flag, integer, number, row, text
-from opendrive.xml.railroads import SWITCH
+from opendrive.xml.fields import flag, integer, number, row, text
+from opendrive.xml.roads import SWITCH
 from opendrive.xml.signals import SIGNAL
+from opendrive.xml.tables import Table
 from opendrive.xml.values import Values
 from tests.opendrive.xml.test_writer import assert_equal
 

@@ -240,6 +240,52 @@ def test_tolerable_defects_are_noted(load, text, body, message):
     assert message in warning.message
 
 
+PLACE = 's="1" t="2"'
+IN, OUT = f'<object id="o" {PLACE}>', "</object>"
+CORNERS = '<cornerLocal u="0" v="0" z="0"/><cornerLocal u="1" v="0" z="0"/>'
+
+
+@pytest.mark.parametrize(
+    ("content", "noted"),
+    [
+        (f'<objects><object id="o" {PLACE} height="2.5" hdg="0.1" name="a"/></objects>', 0),
+        (f'<objects><object id="o" {PLACE} height="high"/></objects>', 1),
+        (f'<objects><object id="o" {PLACE} hdg="nan"/></objects>', 1),
+        ('<objects><object id="o" s="1"/></objects>', 1),
+        (f'<objects><object id="o" {PLACE} orientation="left"/></objects>', 1),
+        (f'<objects>{IN}<userData/><parkingSpace access="all"/>{OUT}</objects>', 0),
+        (f'<objects>{IN}<parkingSpace/><parkingSpace/>{OUT}</objects>', 1),
+        (f'<objects>{IN}<odd/>{OUT}</objects>', 1),
+        (f'<objects>{IN}<outlines><outline>{CORNERS}</outline></outlines>{OUT}</objects>', 0),
+        (f'<objects>{IN}<outline>{CORNERS}<cornerRoad s="1" t="1"/></outline>{OUT}</objects>', 1),
+        (f'<objects>{IN}<outline><cornerLocal u="0" v="x"/></outline>{OUT}</objects>', 1),
+        (f'<objects>{IN}<outlines><outline><odd/></outline></outlines>{OUT}</objects>', 1),
+        (f'<objects>{IN}<repeat s="1" length="9" distance="3" tStart="1"/>{OUT}</objects>', 0),
+        (f'<objects>{IN}<repeat s="1" length="9" distance="3" tStart="q"/>{OUT}</objects>', 1),
+        (f'<objects>{IN}<repeat s="1" length="9"/>{OUT}</objects>', 1),
+        (f'<objects><object id="o" {PLACE}/></objects><objects/>', 1),
+        (f'<objects><object id="o" {PLACE}/><object id="o" {PLACE}/></objects>', 1),
+        ('<objects><bridge id="b" s="1" length="-4"/></objects>', 1),
+        (f'<signals><signal id="s" {PLACE} value="50"/></signals>', 0),
+        (f'<signals><signal id="s" {PLACE} value=""/></signals>', 1),
+        (f'<signals><signal {PLACE}/></signals>', 1),
+        (f'<signals><signal id="s" {PLACE}><validity fromLane="-1" toLane="one"/></signal></signals>', 1),
+        (f'<signals><signal id="s" {PLACE}><dependency/></signal></signals>', 1),
+        (f'<signals><signal id="s" {PLACE}><positionInertial x="1" y="?"/></signal></signals>', 1),
+        ('<signals><signalReference id="s" s="1" t="one"/></signals>', 1),
+        ('<railroad><switch id="w"/></railroad>', 1),
+    ],
+)  # fmt: skip
+def test_warnings_do_not_depend_on_whether_records_were_read_before(load, text, tmp_path, content, noted):
+    road = text.road().replace("</road>", f"{content}</road>")
+    noted_alone = load(road).model.warnings
+    model = read_map(tmp_path / "map.xodr")
+    for record in model.roads.values():
+        assert record.objects is not None
+    assert len(noted_alone) == noted
+    assert model.warnings == noted_alone
+
+
 def test_gaps_and_short_curves_are_noted(load, text):
     plan = (
         '<geometry s="0" x="0" y="0" hdg="0" length="50"><line/></geometry>'
