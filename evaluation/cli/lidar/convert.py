@@ -23,6 +23,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval lidar convert training/velodyne clouds --to pcd --encoding binary_compressed`",
     "`smartmot-eval lidar convert drive_bag clouds --to bin --topic /velodyne_points`",
     "`smartmot-eval lidar convert training/velodyne drive.mcap`",
+    "`smartmot-eval lidar convert radar.bin radar.npz --columns x,y,z,intensity,_,_,time,_`",
     "Formats, and what each holds: docs/lidar.md.",
 )
 
@@ -44,6 +45,14 @@ def command(
     topic: Annotated[
         str | None,
         typer.Option(help="Topic of the clouds in a bag. Default: the only one; written: /points."),
+    ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            help="Numbers of a point in .bin files, in their order: x,y,z,intensity,ring,time; _ is not "
+            "kept. Default: as KITTI and nuScenes have them.",
+            metavar="NAMES",
+        ),
     ] = None,
     quiet: options.Quiet = False,
 ) -> None:
@@ -68,7 +77,7 @@ def command(
     if source.exists() and target.exists() and source.resolve() == target.resolve():
         raise ArgumentError(f"{target}: is what is read; name another one")
     account = _Account()
-    clouds = account.of(read_clouds(source, topic))
+    clouds = account.of(read_clouds(source, topic, _names(columns)))
     if kind == "bag":
         count = write_bag_clouds(target, map(account.as_message, clouds), topic)
     elif own_form:
@@ -119,6 +128,18 @@ class _Account:
             yield f"{self.empty} of {count} clouds have no points"
         for note, times in self.said.items():
             yield f"{note} ({times} clouds)" if count > 1 else note
+
+
+def _names(columns: str | None) -> tuple[str, ...]:
+    """Names of the columns.
+
+    Raises:
+        ArgumentError: a coordinate is missing.
+    """
+    names = () if columns is None else tuple(name.strip() for name in columns.split(","))
+    if columns is not None and not {"x", "y", "z"} <= set(names):
+        raise ArgumentError(f"--columns: expected x, y and z among the names, got {columns!r}")
+    return names
 
 
 def _only(clouds: Iterator[NamedCloud], source: Path, kind: str) -> NamedCloud:

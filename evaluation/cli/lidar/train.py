@@ -127,6 +127,8 @@ def export_command(
     from smartmot.lidar.learned import SHIPPED, LearnedConfig, shipped_path
 
     refuse_idle(context, EXPORT_EFFECTS)
+    if out.suffix != NETWORK_ENDING:
+        raise ArgumentError(f"--out: a name that ends in {NETWORK_ENDING}, got {str(out)!r}")
     source = shipped_path(str(network)) if str(network) in SHIPPED else network
     if source.suffix != NETWORK_ENDING:
         source /= NETWORK

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,46 +36,95 @@ _COLUMNS = ("intensity", "ring", "time_offset_s")
 _MOST_RINGS, _FEWEST_ROWS = 256, 100
 """More than any LiDAR has lines; and rows from which on every last number is not whole by chance."""
 
+_NEAREST_M, _NEARLY_ALL = 1.0, 0.99
+"""No sensor has nearly all of its points on a vehicle nearer than that: normals, colours and times are."""
+
+OTHER_ROWS = (
+    "where a point has other numbers, name them: smartmot-eval lidar convert FROM.bin TO.npz --columns "
+    "x,y,z,intensity,_,_ ( _ : not kept)"
+)
+"""What to do about rows of other lengths."""
+
 _MOST_NEGATIVE = 0.05
 """Share of negative strengths of echoes beyond which they are something else: where rows of three, five, six
 or seven numbers are read as four, every fourth number is a coordinate as often as any other."""
 
 
-def read_bin(path: Path) -> NamedCloud:
+def read_bin(path: Path, columns: Sequence[str] = ()) -> NamedCloud:
     """Read float32 rows: five numbers per point in a file `.pcd.bin` (nuScenes), four in any other `.bin`.
 
+    Args:
+        path: the file.
+        columns: names of the numbers of a row, where they are others; "_" of one that is not kept.
+
     Raises:
-        DatasetError: the file's length is no whole number of points, its numbers are no coordinates, or a
-            ring is no whole number.
+        DatasetError: the file's length is no whole number of points, its numbers are no coordinates, they
+            look like rows of another length, or a ring is no whole number.
     """
     nuscenes = path.name.endswith(NUSCENES_SUFFIX)
-    fields = NUSCENES_FIELDS if nuscenes else KITTI_FIELDS
+    fields = _unique(columns) or (NUSCENES_FIELDS if nuscenes else KITTI_FIELDS)
     try:
         data = path.read_bytes()
     except OSError as error:
         raise DatasetError(f"{path}: {error.strerror or error}") from None
     size = 4 * len(fields)
     if len(data) % size:
-        hint = "" if nuscenes or len(data) % 20 else f"; name nuScenes' sweeps {NUSCENES_SUFFIX}"
+        hint = (
+            f"; {OTHER_ROWS}" if nuscenes or len(data) % 20 else f"; name nuScenes' sweeps {NUSCENES_SUFFIX}"
+        )
         raise DatasetError(f"{path}: {len(data)} bytes are no whole number of points of {size} bytes{hint}")
     rows = np.frombuffer(data, dtype=[(name, "<f4") for name in fields])
-    if not nuscenes and _has_rings(data):
-        raise DatasetError(
-            f"{path}: every fifth number is a small whole one: rows of five numbers, as nuScenes' sweeps "
-            f"have them; name the file {NUSCENES_SUFFIX}"
-        )
+    if not nuscenes and not columns:
+        _require_rows_of_four(path, data)
     name = path.name.removesuffix(NUSCENES_SUFFIX) if nuscenes else path.stem
     try:
         named = cloud_from_rows(rows, name)
     except DatasetError as error:
-        raise DatasetError(f"{path}: {error}") from None
+        raise DatasetError(f"{path}: {error}; {OTHER_ROWS}") from None
+    if columns:
+        return named
     negative = np.count_nonzero(rows["intensity"] < 0.0)
     if not nuscenes and len(rows) >= _FEWEST_ROWS and negative > _MOST_NEGATIVE * len(rows):
         raise DatasetError(
             f"{path}: {negative} of {len(rows)} strengths of echoes are negative: expected rows of "
-            f"{len(fields)} numbers, {' '.join(fields)}"
+            f"{len(fields)} numbers, {' '.join(fields)}; {OTHER_ROWS}"
         )
     return replace(named, notes=(*named.notes, AXES_KEPT), ahead="y") if nuscenes else named
+
+
+def _unique(columns: Sequence[str]) -> tuple[str, ...]:
+    """Names of columns, those that are not kept each with one of its own."""
+    names = tuple(f"_{k}" if name == "_" else name for k, name in enumerate(columns))
+    if len(set(names)) < len(names) or not all(names):
+        raise DatasetError(f"columns: expected a name for each, and each once, got {','.join(columns)}")
+    return names
+
+
+def _require_rows_of_four(path: Path, data: bytes) -> None:
+    """Refuse rows of five numbers with a ring, and of eight, twelve and sixteen, whose length fits four too.
+
+    Read as rows of four, every second one (third, fourth) of longer rows is no point: it is full of whole
+    numbers where the others are not, or nearly all of it is nearer to the sensor than any wall of it.
+    """
+    if _has_rings(data):
+        raise DatasetError(
+            f"{path}: every fifth number is a small whole one: rows of five numbers, as nuScenes' sweeps "
+            f"have them; name the file {NUSCENES_SUFFIX}"
+        )
+    rows = np.frombuffer(data, dtype="<f4").reshape(-1, 4)[:, :3]
+    for parts in (2, 3, 4):
+        if len(rows) % parts or len(rows) < parts * _FEWEST_ROWS:
+            continue
+        with np.errstate(invalid="ignore"):  # of NaN that signal
+            is_whole = (np.trunc(rows) == rows).reshape(-1, parts, 3).mean(axis=0)
+            is_near = (np.abs(rows) <= _NEAREST_M).all(axis=1).reshape(-1, parts).mean(axis=0)
+        whole = (is_whole.max(axis=0) > _NEARLY_ALL) & (is_whole.min(axis=0) < 0.5)
+        if whole.any() or (is_near.max() > _NEARLY_ALL and is_near.min() < 0.5):
+            order = {2: "second", 3: "third", 4: "fourth"}[parts]
+            raise DatasetError(
+                f"{path}: read as rows of four numbers every {order} one is no point: rows of {4 * parts} "
+                f"numbers, or a multiple; {OTHER_ROWS}"
+            )
 
 
 def _has_rings(data: bytes) -> bool:

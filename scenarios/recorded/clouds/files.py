@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -55,24 +55,33 @@ def cloud_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.iterdir() if path.is_file() and file_format(path))
 
 
-def read_cloud(path: Path) -> NamedCloud:
+def read_cloud(path: Path, columns: Sequence[str] = ()) -> NamedCloud:
     """The cloud of one file.
 
+    Args:
+        path: the file.
+        columns: names of the numbers of a point in a `.bin`; see `arrays.read_bin`.
+
     Raises:
-        DatasetError: the file is of no known format, or damaged.
+        DatasetError: the file is of no known format, or damaged; or columns are named of one that names them.
     """
     form = file_format(path)
     if form is None:
         raise DatasetError(f"{path}: no file with a cloud; they end in {', '.join(_READERS)}")
+    if columns:
+        if not form.endswith("bin"):
+            raise DatasetError(f"{path}: the file names its columns itself; leave out --columns")
+        return read_bin(path, columns)
     return _READERS[f".{form}"](path)
 
 
-def read_clouds(path: Path, topic: str | None = None) -> Iterator[NamedCloud]:
+def read_clouds(path: Path, topic: str | None = None, columns: Sequence[str] = ()) -> Iterator[NamedCloud]:
     """Clouds of a file, a folder or a bag, one at a time.
 
     Args:
         path: what to read.
         topic: of a bag; None: the only one with clouds.
+        columns: names of the numbers of a point in a `.bin`; see `arrays.read_bin`.
 
     Raises:
         DatasetError: there is no cloud, or a file is damaged.
@@ -80,15 +89,17 @@ def read_clouds(path: Path, topic: str | None = None) -> Iterator[NamedCloud]:
     if not path.exists():
         raise DatasetError(f"{path}: no such file or folder")
     if is_bag(path):
+        if columns:
+            raise DatasetError(f"{path}: messages name their columns themselves; leave out --columns")
         yield from read_bag_clouds(path, topic)
         return
     if path.is_dir():
         files = cloud_files(path)
         if not files:
             raise DatasetError(f"{path}: no file that ends in {', '.join(_READERS)}, and no bag")
-        yield from map(read_cloud, files)
+        yield from (read_cloud(file, columns) for file in files)
         return
-    yield read_cloud(path)
+    yield read_cloud(path, columns)
 
 
 def cloud_bytes(cloud: PointCloud, form: str, encoding: str = ENCODINGS[0]) -> bytes:

@@ -78,3 +78,23 @@ def test_mistakes_are_one_line(
     assert message in error
     assert error.count("\n") == 1
     assert not Path("one.bin").exists()
+
+
+def test_rows_of_eight_numbers_are_read_with_the_names_of_their_columns(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    rng = np.random.default_rng(1)
+    rows = np.column_stack((rng.normal(0.0, 20.0, (300, 3)), rng.random(300), np.zeros((300, 4))))
+    path = tmp_path / "radar.bin"
+    path.write_bytes(rows.astype("<f4").tobytes())
+    assert call(path, tmp_path / "radar.npz") == 2
+    error = capsys.readouterr().err
+    assert "rows of 8 numbers" in error
+    assert "--columns" in error
+    assert len(error.splitlines()) == 1
+    assert call(path, tmp_path / "radar.npz", "--columns", "x,y,z,intensity,_,_,_,_") == 0
+    assert "1 cloud, 300 points" in capsys.readouterr().out
+    with np.load(tmp_path / "radar.npz") as archive:
+        np.testing.assert_array_equal(archive["xyz_m"], rows[:, :3].astype("<f4"))
+    assert call(path, tmp_path / "other.npz", "--columns", "x,y,intensity") == 2
+    assert "--columns: expected x, y and z among the names" in capsys.readouterr().err

@@ -76,4 +76,7 @@ def test_a_network_of_a_file_is_copied_and_what_makes_no_sense_is_refused(tmp_pa
         export(out, out)
     with pytest.raises(ConfigError, match=r"missing\.onnx: cannot be read"):
         export(tmp_path / "missing.onnx", tmp_path / "b.onnx")
+    with pytest.raises(ArgumentError, match=r"--out: a name that ends in \.onnx, got '.*/pillars'"):
+        export("pillars", tmp_path / "pillars")
+    assert not (tmp_path / "pillars").exists()
     assert not (tmp_path / "b.onnx").exists()

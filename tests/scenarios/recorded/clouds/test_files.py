@@ -1,5 +1,7 @@
+import re
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,8 @@ from scenarios.recorded.clouds.fields import NamedCloud
 from scenarios.recorded.clouds.files import cloud_bytes, losses, read_cloud, read_clouds
 from scenarios.recorded.clouds.pcd import ENCODINGS
 from smartmot.pointcloud import PointCloud
+
+SHARED = Path(__file__).parents[5] / "shared" / "lidar"
 
 
 def random_cloud(seed: int, count: int = 40, dtype: type = np.float32) -> PointCloud:
@@ -279,3 +283,76 @@ def test_points_of_four_numbers_are_never_taken_for_rows_of_five(tmp_path: Path)
         path = tmp_path / f"{name}.bin"
         path.write_bytes(rows.astype("<f4").tobytes())
         assert len(read_cloud(path).cloud) == 500
+
+
+def longer_rows(kind: str, count: int = 400) -> np.ndarray[Any, np.dtype[Any]]:
+    """Points of a ring around the sensor, and what other tools write behind them."""
+    rng = np.random.default_rng(7)
+    xyz = np.column_stack((rng.normal(0.0, 15.0, (count, 2)), rng.normal(-1.0, 1.0, count)))
+    point = np.column_stack((xyz, rng.random(count)))
+    normal = rng.normal(size=(count, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    time, ring = rng.random((count, 1)) * 0.1, rng.integers(0, 32, (count, 1))
+    more = {
+        "normals": np.column_stack((normal, rng.random(count))),
+        "colours": rng.integers(0, 256, (count, 4)),
+        "time and ring": np.column_stack((time, ring, np.zeros((count, 2)))),
+        "padding": np.zeros((count, 4)),
+        "labels of twelve": np.column_stack((np.abs(normal), time, ring, ring, time, time)),
+        "of sixteen": np.column_stack((np.zeros((count, 4)), rng.random((count, 4)), np.ones((count, 4)))),
+    }[kind]
+    return np.column_stack((point, more)).astype("<f4")
+
+
+@pytest.mark.parametrize(
+    ("kind", "length"),
+    [("normals", 8), ("colours", 8), ("time and ring", 8), ("padding", 8), ("labels of twelve", 12),
+     ("of sixteen", 16)],
+)  # fmt: skip
+def test_rows_whose_length_fits_points_of_four_are_not_taken_for_them(
+    tmp_path: Path, kind: str, length: int
+) -> None:
+    rows = longer_rows(kind)
+    assert rows.shape[1] == length
+    path = written(tmp_path, rows.tobytes(), "points.bin")
+    with pytest.raises(DatasetError, match=r"points\.bin: .*rows of (\d+) numbers.*--columns") as error:
+        read_cloud(path)
+    assert "\n" not in str(error.value)
+    assert length % int(re.findall(r"rows of (\d+)", str(error.value))[0]) == 0
+    cloud = read_cloud(path, ("x", "y", "z", "intensity", *"_" * (length - 4))).cloud
+    np.testing.assert_array_equal(cloud.xyz_m, rows[:, :3])
+    np.testing.assert_array_equal(cloud.intensity, rows[:, 3])
+
+
+def test_clouds_of_two_lasers_in_turns_and_of_flat_streets_stay_points_of_four(tmp_path: Path) -> None:
+    """Upper and lower half of a sensor alternate in some files; streets may have whole heights."""
+    rng = np.random.default_rng(3)
+    upper = np.column_stack((rng.normal(0, 30, (600, 2)), rng.normal(-0.5, 0.5, 600), rng.random(600)))
+    lower = np.column_stack((rng.normal(0, 5, (600, 2)), np.full(600, -2.0), rng.random(600)))
+    for name, rows in (
+        ("halves", np.stack((upper, lower), axis=1) + np.array([0, 0, 0.01, 0])),
+        ("flat", lower),
+        ("whole", np.round(upper)),
+    ):
+        path = written(tmp_path, np.ascontiguousarray(rows, dtype="<f4").tobytes(), f"{name}.bin")
+        assert len(read_cloud(path).cloud) == rows.size // 4
+
+
+def test_no_real_cloud_is_taken_for_rows_of_another_length() -> None:
+    paths = sorted(SHARED.glob("kitti_*/**/velodyne/*.bin")) if SHARED.is_dir() else []
+    if not paths:
+        pytest.skip(f"{SHARED}: not there")
+    assert len(paths) >= 20
+    for path in paths:
+        assert len(read_cloud(path).cloud) > 10_000
+
+
+def test_columns_are_named_of_files_that_do_not_name_them(tmp_path: Path) -> None:
+    path = written(tmp_path, longer_rows("padding").tobytes(), "points.bin")
+    with pytest.raises(DatasetError, match="each once, got x,y,z,x"):
+        read_cloud(path, ("x", "y", "z", "x"))
+    with pytest.raises(DatasetError, match="no whole number of points of 28 bytes"):
+        read_cloud(path, ("x", "y", "z", *"____"))
+    archive = written(tmp_path, cloud_bytes(random_cloud(3, 5), "npz"), "points.npz")
+    with pytest.raises(DatasetError, match=r"points\.npz: the file names its columns itself"):
+        read_cloud(archive, ("x", "y", "z"))
