@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -46,6 +48,10 @@ GREATEST_BOX = np.array([MAX_POSITION_M, MAX_POSITION_M, MAX_SIZE_M, MAX_SIZE_M,
 
 _LEAST, _GREATEST = np.append(LEAST_BOX, 0.0), np.append(GREATEST_BOX, 1.0)
 """The same, then the score."""
+
+
+_ENOUGH_REFUSED = 20
+"""A second of a detector that sees two objects at 10 Hz: by then a box of one that fits was taken."""
 
 
 def detections_from_arrays(
@@ -121,6 +127,35 @@ def detections_from_arrays(
     boxes = unchecked(Boxes, rows[:, :2], rows[:, 2:4], wrap_angle(rows[:, 4]))
     made = unchecked(Detections, stamp_s, boxes, rows[:, 5], names, velocity, dropped, noise, detector)
     return made, dropped.total
+
+
+class Refusals:
+    """Warns, once, where none of a detector's first boxes can be taken: scores or classes of another kind."""
+
+    def __init__(self) -> None:
+        self._dropped: Dropped | None = NOTHING_DROPPED
+
+    def see(self, detections: Detections) -> None:
+        """Take a frame as `detections_from_arrays` made it."""
+        if self._dropped is None:
+            return
+        if len(detections):
+            self._dropped = None
+            return
+        self._dropped += detections.dropped
+        if self._dropped.total < _ENOUGH_REFUSED:
+            return
+        reasons = (
+            (
+                self._dropped.score,
+                "a score outside [0, 1]: give probabilities (of log odds 1 / (1 + exp(-s)))",
+            ),
+            (self._dropped.category, f"a class that is none of {', '.join(CATEGORIES)}"),
+            (self._dropped.box, "no place or no size that a road user has, in metres"),
+        )
+        texts = "; ".join(f"{number} have {text}" for number, text in reasons if number)
+        warnings.warn(f"none of the first {self._dropped.total} detections is taken: {texts}", stacklevel=3)
+        self._dropped = None
 
 
 def measured_velocities(velocity_mps: FloatArray) -> FloatArray:

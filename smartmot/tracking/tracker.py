@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smartmot.detection_input import detections_from_arrays
+from smartmot.detection_input import Refusals, detections_from_arrays
 from smartmot.errors import ConfigError, ShapeError, TimeOrderError
 from smartmot.filters.box_filter import box_filter
 from smartmot.filters.existence import Existence
@@ -97,7 +97,7 @@ class Tracker:
             )
         self.config = TrackerConfig() if config is None else config
         self.state = TrackerState.empty()
-        self.rejected = 0
+        self.rejected, self._refusals = 0, Refusals()
         config = self.config
         self._filter = box_filter(config.motion, config.filter)
         variance_m2 = config.filter.measurement_variance()[:, X]
@@ -119,7 +119,7 @@ class Tracker:
     def reset(self) -> None:
         """Forget all tracks; identifiers start at 1 again."""
         self.state = TrackerState.empty()
-        self.rejected = 0
+        self.rejected, self._refusals = 0, Refusals()
 
     def update(self, detections: Detections, monitored: Monitored | None = None) -> Tracks:
         """Process one frame and keep the state.
@@ -156,6 +156,8 @@ class Tracker:
     ) -> Tracks:
         """Process one frame given as arrays; impossible detections are dropped and counted in `rejected`.
 
+        Where all of the first ones are, a warning says why.
+
         Args:
             stamp_s: Measurement time.
             center_m: (N, 2) centres.
@@ -179,6 +181,7 @@ class Tracker:
         )
         tracks = self.update(detections)
         self.rejected += rejected
+        self._refusals.see(detections)
         return tracks
 
     def step(

@@ -118,8 +118,8 @@ def _require_rows_of_four(path: Path, data: bytes) -> None:
         with np.errstate(invalid="ignore"):  # of NaN that signal
             is_whole = (np.trunc(rows) == rows).reshape(-1, parts, 3).mean(axis=0)
             is_near = (np.abs(rows) <= _NEAREST_M).all(axis=1).reshape(-1, parts).mean(axis=0)
-        whole = (is_whole.max(axis=0) > _NEARLY_ALL) & (is_whole.min(axis=0) < 0.5)
-        if whole.any() or (is_near.max() > _NEARLY_ALL and is_near.min() < 0.5):
+        is_other = (is_whole.max(axis=0) > _NEARLY_ALL) & (is_whole.min(axis=0) < 0.5)
+        if is_other.any() or (is_near.max() > _NEARLY_ALL and is_near.min() < 0.5):
             order = {2: "second", 3: "third", 4: "fourth"}[parts]
             raise DatasetError(
                 f"{path}: read as rows of four numbers every {order} one is no point: rows of {4 * parts} "

@@ -85,3 +85,24 @@ def test_true_places_in_the_region_of_the_forecast() -> None:
     assert [s.inside_95_percent for s in scores if s.objects == "all"] == [100.0, 100.0, 0.0]
     without = displacement_errors(STAMP_S, np.zeros(7, np.int64), ahead(1.0), start, stays, 0.25, NEW[:1])
     assert np.isnan(without.inside).all()
+
+
+def test_calibration_is_counted_of_moving_and_standing_objects_apart() -> None:
+    """Who walks on at 1 m/s leaves a region of 0.9 m around its place; who stays does not."""
+
+    def spread(forecasts: IntArray, elapsed_s: FloatArray) -> FloatArray:
+        return np.tile(0.81 * np.eye(2), (len(forecasts), 1, 1))
+
+    frames = np.zeros(7, np.int64)
+    parts = [
+        displacement_errors(STAMP_S, frames, way, np.array([0]), stays, 0.25, NEW[:1], spread)
+        for way in (ahead(1.0), ahead(0.0), ahead(0.0))
+    ]
+    scores = forecast_scores(parts, "car", "cv", with_map=False)
+    inside = {
+        objects: [s.inside_95_percent for s in scores if s.objects == objects]
+        for objects in ("all", "moving", "standing")
+    }
+    assert inside["moving"] == [100.0, 100.0, 0.0]
+    assert inside["standing"] == [100.0, 100.0, 100.0]
+    assert inside["all"] == pytest.approx([100.0, 100.0, 200.0 / 3.0])
