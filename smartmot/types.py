@@ -51,6 +51,9 @@ _GREATEST_STAMP_S = 1e11
 """Unix time reaches it in the year 5138. In milliseconds it did in 1973, so that a greater stamp is in a
 smaller unit: milliseconds up to 1e14, microseconds up to 1e17 (5138 again), then nanoseconds."""
 
+_NO_PAIRS, _NO_NUMBERS, _NO_NAMES = np.zeros((0, 2)), np.zeros(0), np.zeros(0, dtype=np.str_)
+"""Columns of nothing; whatever holds them makes them read-only."""
+
 
 def seconds(stamp: Any, what: str) -> float:
     """A stamp that is a number of seconds.
@@ -161,7 +164,7 @@ class Boxes:
     @classmethod
     def empty(cls) -> Boxes:
         """No boxes."""
-        return unchecked(cls, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+        return unchecked(cls, _NO_PAIRS, _NO_PAIRS, _NO_NUMBERS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,8 +286,8 @@ class Detections:
             cls,
             stamp_s,
             Boxes.empty(),
-            np.zeros(0),
-            np.zeros(0, dtype=np.str_),
+            _NO_NUMBERS,
+            _NO_NAMES,
             None,
             NOTHING_DROPPED,
             None,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.sensors.boxes import BoxMeasurement, SensorConfig
 from scenarios.sensors.process import ErrorProcess
 from smartmot.geometry import wrap_angle
-from smartmot.types import NOTHING_DROPPED, Boxes, Detections, unchecked
+from smartmot.types import NOTHING_DROPPED, Boxes, Detections, FloatArray, unchecked
 
 
 class BoxDetector:
@@ -45,6 +47,18 @@ def _entropy(seed: int, number: int) -> NDArray[np.uint32] | tuple[int, int]:
     return seed, number
 
 
+@lru_cache(maxsize=4096)
+def _drawn(seed: int, number: int, count: int) -> tuple[FloatArray, FloatArray]:
+    """(count, 3) standard normal errors and (count,) chances of a measurement, read-only.
+
+    To seed a generator takes longer than to draw, and all runs of a sweep with one seed have the same errors.
+    """
+    rng = np.random.default_rng(_entropy(seed, number))
+    noise, chance = rng.standard_normal((count, 3)), rng.random(count)
+    noise.flags.writeable = chance.flags.writeable = False
+    return noise, chance
+
+
 def detected(
     config: SensorConfig, seed: int, measurement: BoxMeasurement, process: ErrorProcess | None = None
 ) -> Detections:
@@ -56,10 +70,9 @@ def detected(
         return Detections.empty(measurement.stamp_s)
     n = len(boxes)
     # drawn for all objects, so that who else is visible does not change an object's error
-    rng = np.random.default_rng(_entropy(seed, measurement.number))
-    noise = rng.standard_normal((n, 3))
+    noise, chance = _drawn(seed, measurement.number, n)
     if config.detection_probability < 1.0:
-        visible = visible & (rng.random(n) < config.detection_probability)
+        visible = visible & (chance < config.detection_probability)
     reported = visible.nonzero()[0]
     noise, boxes = noise.take(reported, axis=0), boxes[reported]
     # true boxes of known categories, with a finite error, need no second check

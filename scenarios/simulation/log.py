@@ -145,7 +145,7 @@ class RunLog:
         }
         velocity = np.concatenate([r.tracks.velocity_mps for r in results])
         dynamic = np.concatenate([r.tracks.dynamic for r in results])
-        threat = np.concatenate([np.isin(r.tracks.track_id, r.threats.track_id) for r in results])
+        threat = np.concatenate([_threats(r) for r in results])
         track_id = np.concatenate([r.tracks.track_id for r in results])
         category = np.concatenate([r.tracks.category for r in results])
         counts = [len(r.tracks) for r in results]
@@ -188,6 +188,13 @@ class RunLog:
             "label": np.array([event.name for _, event in events], dtype=np.str_),
         }
         return [detections, tracks, forecasts, own, event_rows]
+
+
+def _threats(result: FrameResult) -> BoolArray:
+    """(M,) which tracks of a frame are threats; in most frames none."""
+    if not len(result.threats):
+        return np.zeros(len(result.tracks), dtype=np.bool_)
+    return np.isin(result.tracks.track_id, result.threats.track_id)
 
 
 def _box_columns(boxes: Sequence[Boxes]) -> dict[str, FloatArray]:

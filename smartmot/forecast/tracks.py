@@ -95,8 +95,6 @@ def forecast_tracks(
     if not len(tracks):
         return unchecked(Forecast, time_s, *_of_nothing(len(time_s), config.model == "class"))
     shape, moved = (len(tracks), len(time_s)), time_s + delay_s
-    center, yaw = np.empty((*shape, 2)), np.empty(shape)
-    center[:], yaw[:] = tracks.boxes.center_m[:, None], tracks.boxes.yaw_rad[:, None]
     limit = config.max_yaw_rate_radps
     if config.model == "class":
         code = codes(tracks.category)
@@ -106,14 +104,19 @@ def forecast_tracks(
             tracks.velocity_mps, tracks.boxes.yaw_rad, rate, acceleration, tracks.covariance, code
         )
         center, course = class_positions(tracks.boxes.center_m, motion, code, moved)
-        yaw += course - np.arctan2(motion.velocity_mps[:, 1], motion.velocity_mps[:, 0])[:, None]
+        turned = course - np.arctan2(motion.velocity_mps[:, 1], motion.velocity_mps[:, 0])[:, None]
+        yaw = tracks.boxes.yaw_rad[:, None] + turned
         covariance = forecast_covariance(tracks.covariance, code, moved)
         return unchecked(Forecast, time_s, center, yaw, tracks.boxes.size_m, _valid(*shape), covariance)
     moving = tracks.dynamic.nonzero()[0]
+    start, velocity, rate = tracks.boxes.center_m, tracks.velocity_mps, tracks.yaw_rate_radps
+    if len(moving) < len(tracks):
+        start, velocity, rate = start[moving], velocity[moving], rate[moving]
+        center, yaw = np.empty((*shape, 2)), np.empty(shape)
+        center[:], yaw[:] = tracks.boxes.center_m[:, None], tracks.boxes.yaw_rad[:, None]
     if len(moving):
-        velocity, start = tracks.velocity_mps[moving], tracks.boxes.center_m[moving]
-        rate = np.minimum(np.maximum(tracks.yaw_rate_radps[moving], -limit), limit)
-        center[moving], _ = ctrv_positions(
+        rate = np.minimum(np.maximum(rate, -limit), limit)
+        reached, _ = ctrv_positions(
             start[:, 0],
             start[:, 1],
             np.arctan2(velocity[:, 1], velocity[:, 0]),
@@ -121,7 +124,12 @@ def forecast_tracks(
             rate,
             moved,
         )
-        yaw[moving] += rate[:, None] * moved
+        turned = rate[:, None] * moved
+        if len(moving) < len(tracks):
+            center[moving] = reached
+            yaw[moving] += turned
+        else:
+            center, yaw = reached, np.add(tracks.boxes.yaw_rad[:, None], turned, out=turned)
     return unchecked(Forecast, time_s, center, yaw, tracks.boxes.size_m, _valid(*shape), None)
 
 
@@ -148,10 +156,17 @@ def _of_nothing(steps: int, spread: bool) -> tuple[object, ...]:
 
 def forecast_ego(ego: EgoState, time_s: FloatArray) -> Forecast:
     """CTRV forecast of the ego at its present speed and turn rate; one object, (1, T)."""
-    x, y, course, speed, rate = np.array(
-        [[ego.x_m], [ego.y_m], [ego.yaw_rad], [ego.speed_mps], [ego.yaw_rate_radps]]
-    )
-    center, yaw = ctrv_positions(x, y, course, speed, rate, time_s)
+    if ego.yaw_rate_radps == 0.0:  # the same sums; cosine and sine are those of one heading
+        along = ego.speed_mps * time_s
+        center, yaw = np.empty((1, len(along), 2)), np.empty((1, len(along)))
+        np.add(ego.x_m, along * math.cos(ego.yaw_rad), out=center[0, :, 0])
+        np.add(ego.y_m, along * math.sin(ego.yaw_rad), out=center[0, :, 1])
+        yaw.fill(ego.yaw_rad)
+    else:
+        x, y, course, speed, rate = np.array(
+            [[ego.x_m], [ego.y_m], [ego.yaw_rad], [ego.speed_mps], [ego.yaw_rate_radps]]
+        )
+        center, yaw = ctrv_positions(x, y, course, speed, rate, time_s)
     size = np.array([[ego.length_m, ego.width_m]])
     return unchecked(Forecast, time_s, center, yaw, size, _valid(*yaw.shape), None)
 

@@ -17,10 +17,10 @@ def test_outside_a_corner_the_distance_is_that_from_the_corner(x_m: float, y_m: 
     assert offset == pytest.approx(-np.hypot(x_m - 30.0, y_m))
 
 
-PATHS = st.lists(st.tuples(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0)), min_size=2, max_size=9).filter(
+PATHS = st.lists(st.tuples(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0)), min_size=2, max_size=30).filter(
     lambda points: (np.hypot(*np.diff(points, axis=0).T) > 0.1).all()
 )
-"""Points of polylines, with any corners."""
+"""Points of polylines, with any corners: few, which a loop goes through, and more."""
 
 
 @given(PATHS, st.lists(st.tuples(st.floats(-90.0, 90.0), st.floats(-90.0, 90.0)), min_size=1, max_size=5))

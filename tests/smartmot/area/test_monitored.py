@@ -13,6 +13,7 @@ from smartmot.area import (
     RectangularConfig,
     Relevance,
     ego_extent,
+    ego_span,
     is_vulnerable,
 )
 from smartmot.decision.braking import BrakingDistance
@@ -79,3 +80,16 @@ def test_no_objects(strategy: str) -> None:
     assert here.relevance(Boxes.empty(), none).in_route.shape == (0,)
     assert here.on_lane(np.zeros((0, 2))).shape == (0,)
     assert here.relevance(Boxes.empty(), none).within_reach.shape == (0,)
+
+
+def test_few_boxes_reach_as_far_along_the_egos_heading_as_many() -> None:
+    rng = np.random.default_rng(4)
+    ego = EgoState(0.0, 30.0, -8.0, 0.7, 10.0)
+    boxes = Boxes(
+        rng.uniform(-60.0, 60.0, (64, 2)), rng.uniform(0.2, 12.0, (64, 2)), rng.uniform(-4.0, 4.0, 64)
+    )
+    expected = ego_extent(boxes, ego)[:2]
+    for count in (1, 2, 4, 5, 64):
+        parts = [ego_span(boxes[k : k + count], ego) for k in range(0, 64, count)]
+        np.testing.assert_allclose(np.concatenate(parts, axis=1), expected, rtol=0.0, atol=1e-12)
+    assert np.shape(ego_span(Boxes.empty(), ego)) == (2, 0)

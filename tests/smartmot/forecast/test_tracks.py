@@ -354,3 +354,28 @@ def test_the_region_holds_the_truth_as_often_as_it_says() -> None:
 def test_an_unknown_model_is_refused() -> None:
     with pytest.raises(ConfigError, match="forecast: model must be one of ctrv, class, got 'best'"):
         ForecastConfig(model="best")
+
+
+@pytest.mark.parametrize("speed_mps", [13.9, -3.0, 0.0])
+def test_ego_without_turn_is_the_limit_of_small_turns(speed_mps: float) -> None:
+    ego = EgoState(0.0, 5.0, -2.0, 2.1, speed_mps)
+    straight, turning = (forecast_ego(replace(ego, yaw_rate_radps=rate), TIMES) for rate in (0.0, 1e-11))
+    np.testing.assert_allclose(straight.center_m, turning.center_m, rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(straight.yaw_rad, turning.yaw_rad, rtol=0.0, atol=1e-9)
+    way = straight.center_m[0, -1] - straight.center_m[0, 0]
+    np.testing.assert_allclose(way, 3.0 * speed_mps * np.array([np.cos(2.1), np.sin(2.1)]), atol=1e-12)
+
+
+def test_forecasts_of_moving_tracks_do_not_depend_on_those_beside_them() -> None:
+    rng = np.random.default_rng(6)
+    velocity, rate = rng.uniform(-9.0, 9.0, (6, 2)), rng.uniform(-2.0, 2.0, 6)
+    center, yaw = rng.uniform(-50.0, 50.0, (6, 2)), rng.uniform(-3.0, 3.0, 6)
+    moving = _tracks(velocity, rate, center=center, yaw=yaw)
+    mixed = _tracks(velocity, rate, center=center, yaw=yaw, dynamic=[True, False, True, True, False, True])
+    alone, beside = (forecast_tracks(tracks, TIMES, ForecastConfig(), 0.03) for tracks in (moving, mixed))
+    rows = mixed.dynamic
+    np.testing.assert_array_equal(beside.center_m[rows], alone.center_m[rows])
+    np.testing.assert_array_equal(beside.yaw_rad[rows], alone.yaw_rad[rows])
+    np.testing.assert_array_equal(
+        beside.center_m[~rows], np.broadcast_to(center[~rows, None], (2, len(TIMES), 2))
+    )
