@@ -33,6 +33,7 @@ from scenarios.simulation.ends import StopRule
 from scenarios.simulation.motion_actions import ego_actions, ego_of, is_motion
 from scenarios.simulation.simulation import Simulation
 from scenarios.strategies import NamedStrategy
+from scenarios.traffic import SumoTraffic, Traffic, with_traffic
 from scenarios.weather import initial_environment, is_night, named_light, named_weather, weather_of
 from smartmot.plugins import is_plugin
 
@@ -71,6 +72,7 @@ class RunSpec:
         apply_performance: whether vehicles stay within the Performance of their catalog, as in esmini.
         driver: who brakes as well, as some tests ask for; None: nobody does.
         to_standstill: whether the run goes on when the ego has braked to the speed of a target ahead.
+        traffic: vehicles and pedestrians of SUMO around the ego; None: nobody but the scenario's own.
     """
 
     scenario: str
@@ -92,6 +94,7 @@ class RunSpec:
     apply_performance: bool = False
     driver: DriverBrake | None = None
     to_standstill: bool = False
+    traffic: Traffic | None = None
 
     @property
     def plugins(self) -> tuple[str, ...]:
@@ -230,7 +233,11 @@ def simulation_of(spec: RunSpec, rule: StopRule | None = None) -> Simulation:
         ScenarioError: unknown preset, weather or strategy.
         smartmot.errors.ConfigError: a setting is out of range.
     """
-    definition = definition_of(spec)
+    definition, background = definition_of(spec), None
+    if spec.traffic is not None:
+        definition = with_traffic(definition, spec.traffic)
+        assert definition.map_path is not None  # else there is no traffic
+        background = SumoTraffic(spec.traffic, definition.map_path, spec.seed)
     preset = preset_of(spec, definition)
     name = perception_map(definition, spec.map_name)
     return Simulation(
@@ -243,6 +250,7 @@ def simulation_of(spec: RunSpec, rule: StopRule | None = None) -> Simulation:
         adapts=spec.adapts,
         apply_performance=spec.apply_performance,
         driver=spec.driver,
+        background=background,
     )
 
 

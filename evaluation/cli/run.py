@@ -9,6 +9,7 @@ import typer
 
 from evaluation.cli import options
 from evaluation.cli.call.effects import OF_LIDAR, With, Without, refuse_idle
+from evaluation.cli.call.traffic import TrafficText, parse_traffic
 from evaluation.cli.output import SchedulerAddress, parse_gate, parse_workers, results_folder, write_mcaps
 from evaluation.errors import ArgumentError
 
@@ -17,6 +18,7 @@ EXAMPLES = options.examples(
     "`smartmot-eval run my_test.xosc --param Ego_speed_kph=50 --no-aeb`",
     "`smartmot-eval run crossing --param Target_entry=child --param Impact_percent=10 --workers 2`",
     "`smartmot-eval run cpfa --sensor mid70 --perception my_detector:Clouds --street furnished`",
+    "`smartmot-eval run crossing --traffic followers=2,vehicles=8,walkers=6`",
     "`smartmot-eval run scenarios_of_others --check --roads maps`",
     "`smartmot-eval run my_test.xosc --fail-on 'contacts>0,criteria_failed>0' --junit run.xml`",
     "Names and parameters of the shipped scenarios: smartmot-eval list",
@@ -27,8 +29,8 @@ EFFECTS = (
     Without(
         (
             *_OF_PERCEPTION, "param", "no_aeb", "preset", "weather", "hold_speed", "apply_performance",
-            "map_file", "phase_ms", "seed", "out", "pictures", "form", "workers", "scheduler", "mcap",
-            "fail_on", "junit",
+            "traffic", "map_file", "phase_ms", "seed", "out", "pictures", "form", "workers", "scheduler",
+            "mcap", "fail_on", "junit",
         ),
         "check",
     ),
@@ -71,6 +73,7 @@ def command(
         ),
     ] = False,
     apply_performance: options.ApplyPerformance = False,
+    traffic: TrafficText = None,
     night: options.Night = "lidar",
     map_file: Annotated[
         Path | None,
@@ -146,6 +149,7 @@ def command(
             *options.parse_lidar(sensor, perception, street, street_density, street_seed),
         ),
         apply_performance=apply_performance,
+        traffic=parse_traffic(traffic),
     )
     notes: list[str] = []
     specs = scenario_specs(scenario, options.parse_parameters(param or []), conditions, notes)

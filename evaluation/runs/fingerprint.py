@@ -22,6 +22,7 @@ from scenarios.presets import named_preset
 from scenarios.sensors.lidar.chain import NetworkFile
 from scenarios.settings import Settings, preset_with
 from scenarios.spec import NCAP_MAP, RunSpec
+from scenarios.traffic.session import library_versions as sumo_versions
 from smartmot.plugins import is_plugin, plugin
 
 OF_EVALUATION = (
@@ -96,6 +97,8 @@ def fingerprint(spec: RunSpec, *more: object) -> str:
     hashed = [values, parameters, _preset_text(spec.preset, spec.settings, networks), files, code, *more]
     if networks:
         hashed.append(network_versions())
+    if spec.traffic is not None:
+        hashed.append(sumo_versions())
     if is_plugin(spec.strategy):
         hashed.append(plugin(spec.strategy).digest)
     return digest_of(hashed)

@@ -21,6 +21,7 @@ from scenarios.spec import (
     perception_map,
     preset_of,
 )
+from scenarios.traffic import Traffic
 from scenarios.weather import is_night, named_light, named_weather
 from smartmot.plugins import is_plugin, plugin
 
@@ -33,7 +34,8 @@ class Conditions:
         strategies: names of monitored areas, or `NO_AEB`.
         preset: name of the preset.
         weather: names of weather conditions.
-        map_name, adversaries, seed, phase_s, night, adapts, settings, apply_performance: see `RunSpec`.
+        map_name, adversaries, seed, phase_s, night, adapts, settings, apply_performance, traffic: see
+            `RunSpec`.
 
     Raises:
         ScenarioError: an unknown name.
@@ -51,6 +53,7 @@ class Conditions:
     adapts: bool = True
     settings: Settings = ()
     apply_performance: bool = False
+    traffic: Traffic | None = None
 
     def __post_init__(self) -> None:
         # every name is looked up and what is the user's own is loaded here, before the first run starts

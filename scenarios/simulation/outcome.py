@@ -78,6 +78,8 @@ class Outcome:
         added_decel_mps2: greatest deceleration of the emergency brake beyond that of a driver who brakes.
         braking_time_s: when the emergency brake first gave 0.15 g; None: never.
         criteria: what the scenario's file judges the run by, and what came of it.
+        struck: touches of traffic (`scenarios.traffic`) that drove into the ego from behind. None of them is
+            its contact; who has struck it leaves the run, which goes on as if it had not.
     """
 
     contact: Contact | None
@@ -103,6 +105,7 @@ class Outcome:
     added_decel_mps2: float = 0.0
     braking_time_s: float | None = None
     criteria: tuple[Criterion, ...] = ()
+    struck: tuple[Contact, ...] = ()
 
     @property
     def warning_lead_s(self) -> float | None:
@@ -152,6 +155,11 @@ class Outcome:
             false = " (false activation)" if self.false_activation else ""
             gap = "" if self.flag_distance_m is None else f", {self.flag_distance_m:.1f} m before the target"
             parts.append(f"emergency requested at {self.flag_time_s:.2f} s{gap}{false}")
+        parts += [
+            f"struck from behind by {hit.entity} at {hit.time_s:.2f} s, "
+            f"{(hit.entity_speed_mps - hit.ego_speed_mps) * 3.6:.1f} km/h faster"
+            for hit in self.struck
+        ]
         if self.stop_time_s is not None:
             gap = "" if self.stop_gap_m is None else f", {self.stop_gap_m:.2f} m before the target"
             parts.append(f"stopped at {self.stop_time_s:.2f} s{gap}")
@@ -170,6 +178,7 @@ class Outcome:
             "dropped": asdict(self.dropped),
             "notes": list(self.notes),
             "criteria": [asdict(criterion) for criterion in self.criteria],
+            "struck": [asdict(contact) for contact in self.struck],
             "warning_lead_s": None if self.warning_lead_s == math.inf else self.warning_lead_s,
             "impact_speed_mps": self.impact_speed_mps,
             "avoided": self.avoided,

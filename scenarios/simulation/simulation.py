@@ -35,6 +35,7 @@ from scenarios.errors import ScenarioError, StepOrderError
 from scenarios.openscenario.model import ScenarioDefinition
 from scenarios.openscenario.motion.paths import Path
 from scenarios.openscenario.motion.roads import Roads
+from scenarios.openscenario.running.driving.background import Background
 from scenarios.openscenario.running.engine import Engine
 from scenarios.places import MapView
 from scenarios.presets import Preset, pipeline_of, pose_errors_of, sensors_of
@@ -82,6 +83,7 @@ class Simulation:
         apply_performance: whether vehicles stay within the Performance of their catalog; see `Engine`.
         sensors: of the ego, each with its own rate, phase and latency; None: that of the preset.
         driver: who brakes as well; None: nobody does.
+        background: moves some of the scenario's entities, such as `scenarios.traffic.SumoTraffic`.
 
     Raises:
         RunError: the scenario cannot begin.
@@ -102,6 +104,7 @@ class Simulation:
         apply_performance: bool = False,
         sensors: Sequence[SensorChain[Any]] | None = None,
         driver: DriverBrake | None = None,
+        background: Background | None = None,
     ) -> None:
         ego = ego_of(definition)
         backwards = drives_backwards(definition, ego.name)
@@ -113,6 +116,7 @@ class Simulation:
             until_contact=True,
             apply_performance=apply_performance,
             keeps_samples=strategy is None,  # of what is perceived the log tells
+            background=background,
         )
         self.network = network or self.engine.world.locator.roads.network
         self._preset, self._make_strategy = preset, strategy
@@ -266,6 +270,7 @@ class Simulation:
             added_decel_mps2=self._drive.added_decel_mps2,
             braking_time_s=self._drive.braking_time_s,
             criteria=engine.criteria,
+            struck=engine.struck,
         )
 
     def world(self) -> World:

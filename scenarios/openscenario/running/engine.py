@@ -22,6 +22,7 @@ from scenarios.openscenario.motion.way_behind import with_way_behind
 from scenarios.openscenario.running.actors import Actor, State
 from scenarios.openscenario.running.conditions import Observed
 from scenarios.openscenario.running.driving import controllers
+from scenarios.openscenario.running.driving.background import Background, contact_of, strikes_from_behind
 from scenarios.openscenario.running.driving.contacts import Contacts
 from scenarios.openscenario.running.driving.criteria import Criteria, Criterion
 from scenarios.openscenario.running.driving.leaps import gives_back, quiet_until_s
@@ -70,6 +71,8 @@ class Engine:
         until_contact: whether the ego's first contact ends the run.
         apply_performance: whether vehicles stay within their Performance, as in esmini; else that is noted.
         keeps_samples: whether states are kept step by step, for `result`; without, it has none.
+        background: moves entities by a simulation of its own. One that strikes the ego from behind is noted
+            in `struck` and leaves the run, which goes on: that is no contact of the ego's.
 
     Raises:
         RunError: an initial action cannot be carried out.
@@ -85,6 +88,7 @@ class Engine:
         until_contact: bool = False,
         apply_performance: bool = False,
         keeps_samples: bool = True,
+        background: Background | None = None,
     ) -> None:
         if not step_s > 0.0:
             raise RunError(f"step_s: expected a positive number, got {step_s}")
@@ -109,6 +113,8 @@ class Engine:
         self.storyboard = Storyboard(definition, self.world)
         self.time_s = 0.0
         self.contact: Contact | None = None
+        self.struck: tuple[Contact, ...] = ()
+        self._background = background
         self._names = tuple(entity.name for entity in definition.entities)
         self._categories = tuple(entity.category for entity in definition.entities)
         self._contacts = Contacts(self.ego, list(self._actors.values()))
@@ -127,6 +133,8 @@ class Engine:
         except RunError as error:
             raise RunError(f"{definition.path}: {error}") from None
         self.target = target_of(definition, self.ego.name)
+        if background and self.target in background.names:
+            self.target = None
 
     # Start
 
@@ -143,6 +151,8 @@ class Engine:
                 for name in sorted(referred(action)):
                     self._pose_now(name)  # refuses a place that is not known
             self.storyboard.execute(instant, action, () if entity is None else (entity,))
+        if self._background is not None:
+            self._background.begin(self.world, self.ego)
         added = come_later(self.definition)
         for actor in self._actors.values():
             if not actor.train().placed and actor.coupling is not None:
@@ -221,6 +231,8 @@ class Engine:
         if most < 2 or board.again or board.adapts or not self._may_leap:
             return 0
         until_s = min(self._kink_s, now_s + (most + 1) * self.step_s)
+        if self._background is not None:
+            until_s = min(until_s, self._background.next_s)
         until_s = quiet_until_s(self._now, until_s, self._watching, self._contacts if self._meets else None)
         steps = min(most, int((until_s - FINEST_S - now_s) / self.step_s))
         ends_s: list[float] = []
@@ -265,9 +277,13 @@ class Engine:
                 self._unsettle()
             if controllers.decide(self._driven(), self._now):
                 self._unsettle()
+            if self._background is not None and self._background.update(self._now):
+                self._unsettle()
             if self._kink_s <= self.time_s + TOLERANCE_S:
                 self._kink_s = self._next_kink_s()
             until = min(end, self._kink_s, self._command_s())
+            if self._background is not None:
+                until = min(until, self._background.next_s)
             ahead = Instant(until if until < end - TOLERANCE_S else end, self._actors)
             unsettled = [watch for watch in self._watching if watch.settled_s < ahead.time_s]
             contacts = self._contacts.may_change(self._now, ahead.time_s) if self._meets else []
@@ -400,20 +416,13 @@ class Engine:
         other = self._contacts.touched(instant)
         if other is None:
             return
-        name = other.name
-        ego, hit = instant.state(self.ego.name), instant.state(name)
-        ego_box, hit_box = self.ego.box(ego), other.box(hit)
-        # from the centre of the ego's box to that of the other's, along the ego's y axis
-        left = (hit_box[1] - ego_box[1]) * math.cos(ego.yaw_rad) - (hit_box[0] - ego_box[0]) * math.sin(
-            ego.yaw_rad
-        )
-        self.contact = Contact(
-            time_s=instant.time_s,
-            entity=name,
-            ego_speed_mps=ego.speed_mps,
-            entity_speed_mps=hit.speed_mps,
-            impact_location_percent=50.0 + 100.0 * left / self.ego.definition.width_m,
-        )
+        contact = contact_of(self.ego, other, instant)
+        background = self._background
+        if background and other.name in background.names and strikes_from_behind(self.ego, other, instant):
+            self.struck += (contact,)
+            other.exists = False
+            return
+        self.contact = contact
         self._target_at_contact = other.steady_since_s(instant.time_s)
 
     # Results
