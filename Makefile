@@ -45,6 +45,7 @@ release-steps: check oldest pythons
 	.ci/docs
 	.ci/distribution
 	.ci/exports
+	.ci/traffic
 	.ci/container
 	$(VENV)/bin/smartmot-eval reference --check
 	$(MAKE) bench

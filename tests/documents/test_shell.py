@@ -24,9 +24,9 @@ DIRECTIVES = {"{toctree}", "{eval-rst}", "{command-reference}", "{example}"}
 
 OUTSIDE = re.compile(
     r"argoverse2|NCAP|\bdata\b|labels detections|other_drives|my_drives|my_detector|tracks\.(csv|parquet)"
-    r"|[\w./]+\.onnx|results/(network|before|bends|ncap|compare|seed_)|NAME|clouds|velodyne|drives/0010|--maps|foxglove/"
+    r"|--traffic|[\w./]+\.onnx|results/(network|before|bends|ncap|compare|seed_)|NAME|clouds|velodyne|drives/0010|--maps|foxglove/"
 )
-"""Inputs of others, or of commands that take long."""
+"""Inputs of others, or of commands that take long; SUMO, which `.ci/traffic` has."""
 LONG = re.compile(
     r"^(study|compare|reference|scenes|lidar|ncap (cpna|--protocol fmvss127))\b"
     r"|results/(scenes|towns|physical|weather)|--perception|--weather|hdl32"
