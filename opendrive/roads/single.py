@@ -22,6 +22,9 @@ PIXEL_M = 16.0
 WIDE_M = 64.0
 """Side of the squares for points off every lane of their own square."""
 
+LISTED_M = 192.0
+"""How much further than the nearest of all cells those around a wide square are listed."""
+
 MAX_WIDE = 4096
 """Wide squares whose cells are kept."""
 
@@ -59,6 +62,7 @@ class SingleLookup:
         first_row: first of the lanes beside each cell, in `offers`; and one after the last.
         offers: lanes beside stretches of road.
         circles: x, y and radius of circles around the boxes.
+        circle_of: the same for each cell, as numbers.
         wide: cells around wide squares, made when asked for.
         is_banked: whether any road is: then distances are left to the arrays.
     """
@@ -71,6 +75,7 @@ class SingleLookup:
     first_row: list[tuple[int, int]]
     offers: list[Offer]
     circles: tuple[FloatArray, FloatArray, FloatArray]
+    circle_of: list[tuple[float, float, float]]
     wide: dict[tuple[int, int], tuple[list[tuple[float, int]], float]]
     is_banked: bool
 
@@ -146,6 +151,7 @@ class SingleLookup:
                 )
             ),
             circles,
+            list(zip(*(column.tolist() for column in circles), strict=True)),
             {},
             bool(banked.any()),
         )
@@ -194,7 +200,9 @@ class SingleLookup:
             for bound_m, cell in cells:
                 if bound_m - off_m > search.best[0]:
                     break
-                search.look_at(cell)
+                middle_x, middle_y, radius = self.circle_of[cell]
+                if hypot(x_m - middle_x, y_m - middle_y) - radius <= search.best[0]:
+                    search.look_at(cell)
             else:
                 if search.best[0] > complete_m - off_m:
                     return None
@@ -216,7 +224,7 @@ class SingleLookup:
                 self.wide.clear()
             centre_x, centre_y, radius = self.circles
             bound = np.hypot(centre_x - middle[0], centre_y - middle[1]) - radius
-            complete_m = float((bound + 2.0 * radius).min(initial=np.inf)) + 2.0 * WIDE_M
+            complete_m = float((bound + 2.0 * radius).min(initial=np.inf)) + LISTED_M
             near = np.flatnonzero(bound <= complete_m)
             near = near[np.argsort(bound[near])]
             known = self.wide[name] = list(zip(bound[near].tolist(), near.tolist(), strict=True)), complete_m
