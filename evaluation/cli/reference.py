@@ -17,10 +17,11 @@ EXAMPLES = options.examples(
     "`smartmot-eval reference --check`",
     "`smartmot-eval reference --only drives,towns --outside data_of_others`",
     "`smartmot-eval reference --only gain --tables`",
+    "`smartmot-eval reference --tables --pdf`",
     "Started again after it was stopped, it goes on where it was.",
 )
 EFFECTS = (
-    Without(("tables", "workers", "scheduler"), "check"),
+    Without(("tables", "pdf", "workers", "scheduler"), "check"),
     Without(("outside", "workers", "scheduler"), "tables"),
 )
 
@@ -49,6 +50,10 @@ def command(
             "--tables", help="Questions over drawn scenes: tables and figures again, from the kept runs."
         ),
     ] = False,
+    pdf: Annotated[
+        bool,
+        typer.Option("--pdf", help="Also print the article, OUT/article.html, as PDF; needs Chromium."),
+    ] = False,
     workers: options.Workers = None,
     scheduler: SchedulerAddress = None,
     quiet: options.Quiet = False,
@@ -63,6 +68,7 @@ def command(
         check_reports,
         choose_parts,
         make_reports,
+        print_article,
         with_data,
         write_again,
     )
@@ -74,6 +80,8 @@ def command(
     if tables:
         with locked(writable_folder(out)):
             write_again(out, names, quiet)
+            if pdf:
+                print_article(out)
         return
     if not check:
         who = parse_workers(workers, scheduler)
@@ -81,6 +89,8 @@ def command(
             raise ArgumentError("--outside: recordings do not travel; leave --scheduler out for their parts")
         with locked(writable_folder(out)):
             make_reports(out, names, who, quiet, outside)
+            if pdf:
+                print_article(out)
         return
     _, lacks = with_data(choose_parts(names), outside)
     for name, lack in lacks.items():

@@ -31,6 +31,7 @@ EFFECTS = (
     For(("rule",), "question", _but("lidar")),
     For(("strategies",), "question", _but("break-even", "lidar")),
     For(("tuned",), "question", ("gain", "break-even", "trigger")),
+    For(("against", "vary"), "question", ("gain",)),
     For(("path_from",), "question", ("break-even",)),
     For(("trials",), "question", ("tune",)),
     For(("weights",), "question", ("severity",)),
@@ -42,6 +43,7 @@ EFFECTS = (
 EXAMPLES = options.examples(
     "`smartmot-eval study gain --preset physical,real --rule paper,rss`",
     "`smartmot-eval study gain --strategies my_area:MyArea --count 100`",
+    "`smartmot-eval study gain --strategies adaptive --against adaptive --vary margin_m=0,1,3`",
     "`smartmot-eval study break-even`",
     "`smartmot-eval study sensor`",
     "`smartmot-eval study trigger`",
@@ -103,6 +105,21 @@ def command(
     tuned: Annotated[
         Path | None,
         typer.Option(help="gain, break-even, trigger: settings that `study tune` chose, beside the others."),
+    ] = None,
+    against: Annotated[
+        str,
+        typer.Option(
+            help="gain: what all others are compared with, such as `adaptive`, in place of the planned path.",
+            metavar="NAME",
+        ),
+    ] = "path",
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="gain: further rivals, each area that has the parameter with these values, such as "
+            "margin_m=0,1,3; may be repeated.",
+            metavar="NAME=VALUES",
+        ),
     ] = None,
     path_from: Annotated[
         str,
@@ -204,6 +221,8 @@ def command(
         return
     if question == "severity":
         asked = _severity(sample, formats, presets, rules, strategies, weights)
+    elif question == "gain":
+        asked = _gain(sample, formats, presets, rules, strategies, tuned, against, vary or [])
     else:
         asked = _question(question, sample, formats, presets, rules, strategies, tuned, trials, path_from)
     asked = replace(asked, common=lidar)
@@ -302,6 +321,43 @@ def _severity(
     return asked if weights is None else replace(asked, weights=Weights.parsed(weights))
 
 
+def _own(strategies: str) -> tuple[str, ...]:
+    """Areas beside the shipped rivals."""
+    from evaluation.studies.answers.rivals import ADAPTIVE
+
+    return options.parse_names(strategies, (ADAPTIVE.name,), "--strategies", own=True) if strategies else ()
+
+
+def _gain(
+    sample: Sample,
+    formats: tuple[str, ...],
+    presets: tuple[str, ...],
+    rules: tuple[str, ...],
+    strategies: str,
+    tuned: Path | None,
+    against: str,
+    vary: list[str],
+) -> Question:
+    """What each area gains, as it was typed.
+
+    Raises:
+        ArgumentError: an option does not go with it.
+    """
+    from evaluation.studies.answers.gain import Gain
+    from evaluation.studies.answers.tuned import read_tuned
+
+    return Gain(
+        sample,
+        formats,
+        presets=presets,
+        rules=rules,
+        own=_own(strategies),
+        tuned=read_tuned(tuned, sample) if tuned is not None else (),
+        against=against,
+        varied=tuple(options.parse_vary(vary).items()),
+    )
+
+
 def _question(
     name: str,
     sample: Sample,
@@ -320,7 +376,6 @@ def _question(
     """
     from evaluation.errors import ArgumentError
     from evaluation.studies.answers.break_even import BreakEven
-    from evaluation.studies.answers.gain import Gain
     from evaluation.studies.answers.lidar import LidarGain
     from evaluation.studies.answers.rivals import ADAPTIVE, MAP, PATH, RIVALS, Rival
     from evaluation.studies.answers.sensor import SensorErrors
@@ -328,7 +383,7 @@ def _question(
     from evaluation.studies.answers.tune import Tuning
     from evaluation.studies.answers.tuned import read_tuned
 
-    if len(presets) > 1 and name != "gain":
+    if len(presets) > 1:
         raise ArgumentError(f"--preset: {name} takes one; give gain several")
     if len(rules) > 1 and name in ("break-even", "sensor"):
         raise ArgumentError(f"--rule: {name} takes one")
@@ -343,11 +398,9 @@ def _question(
         if name == "sensor":
             return SensorErrors(sample, formats, rival=rival, rule=rules[0])
         return Trigger(sample, formats, rival=rival, preset=presets[0], rules=rules, tuned=chosen_settings)
-    own = options.parse_names(strategies, (ADAPTIVE.name,), "--strategies", own=True) if strategies else ()
     if name == "tune":
+        own = _own(strategies)
         return Tuning(sample, formats, preset=presets[0], rules=rules, own=own, trials=trials)
-    if name == "break-even":
-        return BreakEven(
-            sample, formats, preset=presets[0], rule=rules[0], tuned=chosen_settings, path_from=path_from
-        )
-    return Gain(sample, formats, presets=presets, rules=rules, own=own, tuned=chosen_settings)
+    return BreakEven(
+        sample, formats, preset=presets[0], rule=rules[0], tuned=chosen_settings, path_from=path_from
+    )

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from scenarios.catalogue.maps import shipped_map
 from tests.documents.blocks import blocks
 from tests.documents.inputs import run_command
 
@@ -31,3 +32,23 @@ def test_the_table_of_the_page_about_tracking_is_tracked(
     pytest.importorskip("trackeval", reason="trackeval is not installed (extra metrics)")
     assert run_command(monkeypatch, ["mot", "my_csv_folder", "--out", "scored"]) == 0
     assert "hota" in capsys.readouterr().out.lower()
+
+
+def test_the_scenario_of_the_page_runs_and_the_child_is_met_when_the_page_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By hand: the front starts 22.2 m from the start of the road, and meets the box at 82.2 m."""
+    (scenario,) = (block.code for block in blocks("docs/howto/scenario.md") if block.language == "xml")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "child.xosc").write_text(scenario, encoding="utf-8")
+    (tmp_path / "town.xodr").write_bytes(shipped_map("urban_street").read_bytes())
+    assert run_command(monkeypatch, ["run", "child.xosc", "--check"]) == 0
+    assert run_command(monkeypatch, ["run", "child.xosc", "--no-aeb", "--out", "plain"]) == 0
+    with (tmp_path / "plain" / "runs.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["v_impact_kmh"]) == pytest.approx(40.0)
+    assert float(row["contact_time_s"]) == pytest.approx((82.2 - 22.2) / (40 / 3.6), abs=1e-3)
+    assert run_command(monkeypatch, ["run", "child.xosc", "--strategy", "path", "--out", "seen"]) == 0
+    with (tmp_path / "seen" / "runs.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["v_impact_kmh"]) == 0.0

@@ -52,11 +52,12 @@ COLOURS = {"avoided": BLUE, "stops": VERMILLION}
 BETTER = {"avoided": "better: right", "stops": "better: left"}
 
 
-def gain(differences: Sequence[Difference], where: str) -> Figure:
+def gain(differences: Sequence[Difference], against: str, where: str) -> Figure:
     """Differences in collisions avoided and in unnecessary stops, a bar with its interval per rival.
 
     Args:
         differences: of one preset and rule.
+        against: what the others are compared with, in words.
         where: that preset and rule.
     """
     names = list(dict.fromkeys(_pair_name(d, differences) for d in differences))
@@ -81,7 +82,7 @@ def gain(differences: Sequence[Difference], where: str) -> Figure:
         _room_for_labels(axes, own)
         axes.set_ylim(-0.6, len(names) - 0.4)
     panels[0].set_yticks(range(len(names)), texts[::-1], fontsize=SMALL_PT)
-    figure.text(0.01, 1 - 0.2 / height_in, f"Against the planned path alone, {where}", fontsize=FONT_PT)
+    figure.text(0.01, 1 - 0.2 / height_in, f"Against {against}, {where}", fontsize=FONT_PT)
     figure.text(
         0.5, 0.05 / height_in,
         f"{_scene_counts(differences)}. Bars: 95 % intervals. Filled: decided at {100 * LEVEL:g} %, "

@@ -16,7 +16,7 @@ from evaluation.studies.answers.results import (
     benefit_difference,
     decisive_differences,
 )
-from evaluation.studies.answers.rivals import MAP, PATH, Rival, rivals
+from evaluation.studies.answers.rivals import MAP, PATH, Rival, rivals, varied
 from evaluation.studies.answers.study import Answer, Question
 from evaluation.studies.answers.tables import (
     arms_table,
@@ -35,6 +35,7 @@ from evaluation.studies.answers.tuned import (
     tuned_arm,
     unchanged_table,
 )
+from scenarios.settings import Setting
 
 NOTES = (
     "Scenes are drawn independently and are the sample; in each, all sides meet the same sensor noise.",
@@ -58,19 +59,28 @@ class Gain(Question):
         own: strategies of the user's own.
         tuned: settings that were chosen for a strategy and rule on other scenes (see `Tuning`), in place of
             the rivals' own; both are run.
+        against: name of the rival that all others are compared with, tuned where it was: the planned path, or
+            what is to be shown better than all. Then rivals as published, which differ in more than the
+            area, are left out.
+        varied: values of parameters, each of which makes a further rival of every area that it changes.
 
     Raises:
-        ArgumentError: settings were chosen for no strategy that is run, or for none of the rules.
+        ArgumentError: settings were chosen for no strategy that is run, or for none of the rules; what is
+            compared with is not run, or no area has a parameter.
     """
 
     presets: tuple[str, ...] = ("physical",)
     rules: tuple[str, ...] = ("paper",)
     own: tuple[str, ...] = ()
     tuned: Tuned = ()
+    against: str = PATH.name
+    varied: tuple[tuple[str, tuple[Setting, ...]], ...] = ()
     name = "gain"
 
     def __post_init__(self) -> None:
-        names = {rival.name for rival in rivals(self.own)}
+        names = {rival.name for rival in self.rivals}
+        if self.against not in names:
+            raise ArgumentError(f"--against: {self.against} is not run; there are: {', '.join(names)}")
         if absent := [name for name, _, _ in self.tuned if name not in names]:
             raise ArgumentError(f"--tuned: settings of {', '.join(absent)}, which is not run")
         if self.tuned and not any(rule in self.rules for _, rule, _ in self.tuned):
@@ -82,10 +92,16 @@ class Gain(Question):
         return replace(self, tuned=given_tuned(out, self.sample))
 
     @property
+    def rivals(self) -> list[Rival]:
+        """Who takes part, by name each once."""
+        run = [rival for rival in rivals(self.own) if not rival.is_as_published or self.against == PATH.name]
+        return [*run, *(rival for name, values in self.varied for rival in varied(run, name, values))]
+
+    @property
     def groups(self) -> dict[tuple[str, str], list[Arm]]:
-        """The arms by preset and rule; the first of each is what the others are compared with."""
+        """The arms by preset and rule."""
         return {
-            (preset, rule): [arm for rival in rivals(self.own) for arm in self._sides(rival, preset, rule)]
+            (preset, rule): [arm for rival in self.rivals for arm in self._sides(rival, preset, rule)]
             for preset in self.presets
             for rule in self.rules
         }
@@ -110,13 +126,16 @@ class Gain(Question):
 
     @property
     def pairs(self) -> list[tuple[Arm, Arm]]:
-        """Every arm against the planned path; tuned ones against the tuned path."""
+        """Every arm against the planned path, tuned ones against the tuned path; or all against another."""
         pairs = []
         for group in self.groups.values():
-            tuned = next((arm for arm in group if arm.name == f"{PATH.name}{BY_TUNING}"), group[0])
+            plain = next(arm for arm in group if arm.name == self.against)
+            tuned = next((arm for arm in group if arm.name == f"{self.against}{BY_TUNING}"), plain)
+            if self.against != PATH.name:
+                pairs += [(arm, tuned) for arm in group if arm not in (plain, tuned)]
+                continue
             for arm in group[1:]:
-                against = tuned if arm.name.endswith(BY_TUNING) and arm is not tuned else group[0]
-                pairs.append((arm, against))
+                pairs.append((arm, tuned if arm.name.endswith(BY_TUNING) and arm is not tuned else plain))
         return pairs
 
     @property
@@ -124,21 +143,27 @@ class Gain(Question):
         """Differences that are tested."""
         return len(self.pairs) * len(DECISIVE)
 
+    @property
+    def _against(self) -> str:
+        return "the planned path" if self.against == PATH.name else self.against
+
     def answer(self, results: Results) -> Answer:
-        """The gain of each rival, that of the map first."""
+        """The gain of each rival, that of the map first; before them how `against` stands among all."""
         differences = decisive_differences(results, self.pairs)
         tables, drawn = {}, {}
         for (preset, rule), arms in self.groups.items():
             own = [d for d in differences if d.arm in arms]
             where = f"preset {preset}, rule {rule}"
             more = told_unchanged([arm for arm in self.unchanged if arm in arms])
-            tables[f"Against the planned path: {where}"] = differences_table(own, len(differences), more)
+            tables[f"Against {self._against}: {where}"] = differences_table(own, len(differences), more)
             tables[f"Each by itself: {where}"] = rates_table(results, arms)
-            drawn[f"gain_{preset}_{rule}".replace(":", ".")] = figures.gain(own, where)
+            drawn[f"gain_{preset}_{rule}".replace(":", ".")] = figures.gain(own, self._against, where)
         named = [replace(arm, settings=tuple(s for s in arm.settings if s[0] != "rule")) for arm in self.arms]
         tables["Who is who"] = unchanged_table(self.unchanged, arms_table(named))
         files = {"gain.csv": differences_csv(differences), "table.csv": estimates_csv(results)}
         sentences = findings(results, differences)
+        if self.against != PATH.name:
+            sentences = [*standings(results, differences), *sentences]
         return Answer(
             "What does a lane filter gain over what any planner knows?",
             sentences,
@@ -166,6 +191,49 @@ def findings(results: Results, differences: Sequence[Difference]) -> list[str]:
             f"{where}: {verdict(groups[arm, against])} Avoided less stopped: {gained} points.{price}"
         )
     return lines
+
+
+def standings(results: Results, differences: Sequence[Difference]) -> list[str]:
+    """How that with which all others are compared stands among them, a sentence per preset and rule.
+
+    Better is who has a decided gain in one of the two measures and no decided loss in the other.
+    """
+    groups: dict[Arm, list[Difference]] = {}
+    for d in differences:
+        groups.setdefault(d.against, []).append(d)
+    lines = []
+    for against, own in groups.items():
+        rivals_by_standing: dict[str, list[str]] = {}
+        others = list(dict.fromkeys(d.arm for d in own))
+        for other in others:
+            of_pair = [d for d in own if d.arm == other]
+            rivals_by_standing.setdefault(_standing(of_pair), []).append(other.name)
+        parts = [
+            f"{text} {', '.join(rivals_by_standing[text])}"
+            for text in _STANDINGS
+            if text in rivals_by_standing
+        ]
+        gains = {other: benefit_difference(results, other, against) for other in others}
+        best = max(others, key=lambda other: gains[other].value)
+        lines.append(
+            f"Preset {against.preset}, rule {against.rule}: {against.name} is {'; '.join(parts)}. The best "
+            f"of them by avoided less stopped is {best.name}, {points_text(gains[best])} points against it."
+        )
+    return lines
+
+
+_BETTER, _WORSE = "better than", "worse than"
+_TRADES, _UNDECIDED = "better in the one and worse in the other than", "not decidedly different from"
+_STANDINGS = (_BETTER, _TRADES, _UNDECIDED, _WORSE)
+
+
+def _standing(differences: Sequence[Difference]) -> str:
+    """Of that with which a rival is compared, by the rival's decided differences."""
+    signs = {"avoided": -1.0, "stops": 1.0}
+    gains = [signs[d.measure] * d.estimate.value for d in differences if d.is_decided]
+    if not gains:
+        return _UNDECIDED
+    return _TRADES if min(gains) < 0 < max(gains) else _BETTER if min(gains) > 0 else _WORSE
 
 
 def exchange(differences: Sequence[Difference]) -> str:

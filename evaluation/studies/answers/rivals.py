@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from evaluation.errors import ArgumentError
 from evaluation.studies.answers.arms import Arm
 from evaluation.studies.compare.grid import FAIR
-from scenarios.settings import Settings
+from scenarios.settings import PARAMETERS, Setting, Settings, setting_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,3 +66,19 @@ def rivals(more: Sequence[str] = ()) -> tuple[Rival, ...]:
     """The rivals, and more: the adaptive area, or some of the user's own (`package.module:name`)."""
     own = (ADAPTIVE if name == ADAPTIVE.name else Rival(name, "of the user's own", name) for name in more)
     return (*RIVALS, *own)
+
+
+def varied(run: Sequence[Rival], name: str, values: Sequence[Setting]) -> list[Rival]:
+    """Areas with other values of a parameter: of the rivals that differ in the area alone those that have it.
+
+    Raises:
+        ArgumentError: it changes none of them.
+    """
+    changed = [r for r in run if r.settings == FAIR and PARAMETERS[name].changes(r.strategy)]
+    if not changed:
+        raise ArgumentError(f"--vary {name}: changes none of the areas")
+    return [
+        Rival(f"{r.name}, {setting_text(name, value)}", r.text, r.strategy, ((name, value), *FAIR))
+        for r in changed
+        for value in values
+    ]

@@ -15,11 +15,15 @@ from evaluation.errors import ArgumentError
 from evaluation.results.files import ResultsError
 from evaluation.runs.workers import Workers
 from evaluation.studies.answers.study import Question
+from evaluation.studies.reference import readme
+from evaluation.studies.reference.article import article
+from evaluation.studies.reference.article.article import ARTICLE
+from evaluation.studies.reference.article.page import PAGE, PRINTED, page, print_pdf
 from evaluation.studies.reference.findings.answers import read
 from evaluation.studies.reference.kept import read_json, read_rows
 from evaluation.studies.reference.outside import without_data
 from evaluation.studies.reference.parts import PARTS, QUESTIONS
-from evaluation.studies.reference.readme import README, render
+from evaluation.studies.reference.readme import README
 from evaluation.studies.study import JOURNAL, Study, done_line
 
 CHECKED_RUNS = 3
@@ -95,9 +99,11 @@ def make_reports(
     console.print(done_line(total, before, out, [part.name for part in parts]), highlight=False)
     missing = [part.name for part in PARTS if not part.needs and not (out / part.name / part.table).is_file()]
     if missing:
-        console.print(f"{README} is written when all parts are there; missing: {', '.join(missing)}")
+        console.print(
+            f"{README} and {ARTICLE} are written when all parts are there; missing: {', '.join(missing)}"
+        )
         return
-    _write_page(out)
+    _write_pages(out)
 
 
 def write_again(out: Path, names: Sequence[str], quiet: bool) -> None:
@@ -130,14 +136,38 @@ def write_again(out: Path, names: Sequence[str], quiet: bool) -> None:
         left_out = before - len(kept.question.arms)
         omitted = f"; runs of {left_out} sides that it has no more are left out" if left_out else ""
         console.print(f"{question.name}: written again from its runs{omitted}", highlight=False)
-    _write_page(out)
+    _write_pages(out)
 
 
-def _write_page(out: Path) -> None:
-    try:
-        (out / README).write_text(render(out), encoding="utf-8")
-    except OSError as error:
-        raise ResultsError(f"{out / README}: cannot be written ({error.strerror})") from None
+def print_article(out: Path) -> Path:
+    """Print the article as a PDF.
+
+    Raises:
+        ArgumentError: no browser prints it.
+        ResultsError: it is not there.
+    """
+    if not (out / PAGE).is_file():
+        raise ResultsError(f"{out / PAGE}: missing; make it with smartmot-eval reference --tables")
+    print_pdf(out / PAGE, out / PRINTED)
+    return out / PRINTED
+
+
+def pages(reports: Path) -> dict[str, str]:
+    """The page of all results and the article, by file name, from the tables in a folder.
+
+    Raises:
+        ResultsError: a table or figure is missing, or of another version.
+    """
+    text = article.render(reports)
+    return {README: readme.render(reports), ARTICLE: text, PAGE: page(text, reports)}
+
+
+def _write_pages(out: Path) -> None:
+    for name, text in pages(out).items():
+        try:
+            (out / name).write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise ResultsError(f"{out / name}: cannot be written ({error.strerror})") from None
 
 
 def check_reports(
@@ -162,9 +192,10 @@ def check_reports(
     """
     parts, _ = with_data(choose_parts(names), outside)
     lines = [line for part in parts for line in drift(part, out / part.name, count)]
-    page = out / README
-    if not names and (not page.is_file() or page.read_text(encoding="utf-8") != render(out)):
-        lines.append(f"{page}: not what the tables beside it give today")
+    for name, text in ({} if names else pages(out)).items():
+        path = out / name
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            lines.append(f"{path}: not what the tables beside it give today")
     return lines
 
 

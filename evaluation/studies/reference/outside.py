@@ -88,9 +88,11 @@ class TownsPart(Gain):
         return replace(self, sample=replace(self.sample, maps=towns))
 
 
-def drives_part(name: str, folder: str, strategies: tuple[str, ...]) -> DrivesPart:
-    """Every shipped rule with some strategies on the drives of a folder; the first is compared with."""
-    return DrivesPart(Options(Source(Path(folder)), strategies, RULES, "real"), f"drives/{name}")
+def drives_part(
+    name: str, folder: str, strategies: tuple[str, ...], rules: tuple[str, ...] = RULES
+) -> DrivesPart:
+    """Rules with some strategies on the drives of a folder; the first strategy is compared with."""
+    return DrivesPart(Options(Source(Path(folder)), strategies, rules, "real"), name)
 
 
 def without_data(needs: Sequence[str], outside: Path | None) -> str:

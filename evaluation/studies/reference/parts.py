@@ -20,6 +20,7 @@ from evaluation.studies.compare.study import SceneStudy
 from evaluation.studies.detectors.clouds import ComposedClouds, DrawnClouds, KittiDrive, KittiObjects
 from evaluation.studies.detectors.comparison import DetectorComparison
 from evaluation.studies.growth import GrowthStudy
+from evaluation.studies.reference.adaptive import adaptive_parts
 from evaluation.studies.reference.cpna import CpnaStudy
 from evaluation.studies.reference.mechanisms import MechanismStudy
 from evaluation.studies.reference.outside import DrivesPart, TownsPart, drives_part
@@ -64,14 +65,26 @@ SENSOR = SensorErrors(Sample(count=40), _PNG)
 TRIGGER = Trigger(Sample(count=40), _PNG, rules=_RULES)
 LIDAR = LidarGain(Sample(count=20), _PNG)
 LEARNED = LearnedGain(Sample(count=20), _PNG)
-QUESTIONS: tuple[Question, ...] = (TUNING, GAIN, BREAK_EVEN, SENSOR, TRIGGER, LIDAR, LEARNED)
+ADAPTIVE_TUNING, ADAPTIVE_GAIN, ADAPTIVE_LIDAR, SEVERITY = adaptive_parts(_PNG)
+QUESTIONS: tuple[Question, ...] = (
+    TUNING, GAIN, BREAK_EVEN, SENSOR, TRIGGER, LIDAR, LEARNED, ADAPTIVE_TUNING, ADAPTIVE_GAIN, ADAPTIVE_LIDAR,
+    SEVERITY,
+)  # fmt: skip
 """The first settles what is run in others. The scenes of fewer are among those of more."""
 
 DRIVES: tuple[DrivesPart, ...] = (
-    drives_part("kitti", "kitti", ("path", "rectangular", "all")),  # without a map
-    drives_part("argoverse2", "argoverse2/logs", ("path", "map", "rectangular", "all")),
+    drives_part("drives/kitti", "kitti", ("path", "rectangular", "all")),  # without a map
+    drives_part("drives/argoverse2", "argoverse2/logs", ("path", "map", "rectangular", "all")),
 )
 """Recorded drives of others: KITTI with a detector's output, Argoverse 2 with labels in its place."""
+
+ADAPTIVE_DRIVES: tuple[DrivesPart, ...] = (
+    drives_part("adaptive/kitti", "kitti", ("adaptive", "path", "rectangular"), ("paper",)),
+    drives_part(
+        "adaptive/argoverse2", "argoverse2/logs", ("adaptive", "path", "map", "rectangular"), ("paper",)
+    ),
+)
+"""The adaptive area against the others on the same drives, with the paper's rule."""
 
 TOWNS = TownsPart(GAIN.sample, _PNG, presets=GAIN.presets)
 """The first question once more, on maps of others."""
@@ -102,6 +115,7 @@ PARTS: tuple[Study[Any, Any], ...] = (
     *QUESTIONS,
     TOWNS,
     *DRIVES,
+    *ADAPTIVE_DRIVES,
     *DETECTORS,
     _cpna("paper", TEN_TO[80], "paper"),
     _cpna("static", URBAN, "paper", adversaries="static", beside="paper"),

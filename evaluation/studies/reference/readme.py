@@ -18,6 +18,7 @@ from evaluation.studies.detectors.comparison import DETECTORS_JSON
 from evaluation.studies.drive.side_by_side.comparison import COMPARE_JSON
 from evaluation.studies.growth import GrowthRun, growth_table
 from evaluation.studies.reference.findings import (
+    adaptive,
     answers,
     clouds,
     cpna,
@@ -30,6 +31,8 @@ from evaluation.studies.reference.findings import (
 from evaluation.studies.reference.kept import read_json, read_records
 from evaluation.studies.reference.mechanisms import MechanismRun, mechanism_table
 from evaluation.studies.reference.parts import (
+    ADAPTIVE_DRIVES,
+    ADAPTIVE_GAIN,
     BREAK_EVEN,
     DETECTORS,
     DRIVES,
@@ -38,6 +41,7 @@ from evaluation.studies.reference.parts import (
     LIDAR,
     QUESTIONS,
     SENSOR,
+    SEVERITY,
     TOWNS,
     TRIGGER,
     TUNING,
@@ -57,7 +61,10 @@ VERSIONED = (
 
 def _versioned(reports: Path) -> list[str]:
     """Those of all parts that are there: some need data of others."""
-    outside = (f"{TOWNS.name}/study.json", *(f"{part.name}/{COMPARE_JSON}" for part in DRIVES))
+    outside = (
+        f"{TOWNS.name}/study.json",
+        *(f"{part.name}/{COMPARE_JSON}" for part in (*DRIVES, *ADAPTIVE_DRIVES)),
+    )
     outside += tuple(f"{part.name}/{DETECTORS_JSON}" for part in DETECTORS)
     return [*VERSIONED, *(path for path in outside if (reports / path).is_file())]
 
@@ -105,6 +112,10 @@ def _values(reports: Path) -> dict[str, Any]:
     return {
         "versions": sorted({_made_by(read_json(reports / path)) for path in _versioned(reports)}),
         "answers": answers,
+        "adaptive": adaptive,
+        "adaptive_gain": answers.read(ADAPTIVE_GAIN, reports),
+        "adaptive_drives": drives.read(ADAPTIVE_DRIVES, reports),
+        "severity": answers.read(SEVERITY, reports),
         "gain": gain,
         "towns": towns,
         "clouds": clouds,

@@ -183,7 +183,9 @@ class LidarGain(Question):
                 "Who is who": arms_table(self.arms),
             },
             {
-                "gain": figures.gain(against_path, f"preset {self.preset}, an upper bound for the LiDARs"),
+                "gain": figures.gain(
+                    against_path, "the planned path", f"preset {self.preset}, an upper bound for the LiDARs"
+                ),
                 "chains": rates_by_chain(self, results),
             },
             {"gain.csv": differences_csv(differences), "table.csv": estimates_csv(results)},

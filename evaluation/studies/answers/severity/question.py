@@ -143,7 +143,7 @@ class Severity(Question):
         costs = [cost_of(results, arm, self.weights) for arm in self.arms]
         changes = changes_of(results, self.pairs, self.weights)
         tables = {
-            "Each by itself": _costs_table(costs),
+            "Each by itself": costs_table(costs),
             "By weights": _weights_table(results, self.arms, self.weights),
         }
         if changes:
@@ -280,7 +280,8 @@ def _mean(estimate: Estimate, digits: int = 1) -> str:
     return value if math.isnan(estimate.low) else f"{value} [{low}, {high}]"
 
 
-def _costs_table(costs: Sequence[Cost]) -> Table:
+def costs_table(costs: Sequence[Cost]) -> Table:
+    """A line per side: what it avoids, and what its stops cost."""
     header = (
         "who", "avoided (%)", "unnecessary stops (%)", "weighed stops (%)", "avoided less weighed (points)",
         "speed lost (km/h)", "peak deceleration (m/s²)", "followers who touch (%)", "closing speed (km/h)",

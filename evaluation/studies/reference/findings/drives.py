@@ -40,13 +40,14 @@ class KeptDrives:
     @property
     def title(self) -> str:
         """Of the data."""
-        return TITLES[self.part.name]
+        return TITLES[self.part.name.rpartition("/")[2]]
 
 
 TITLES = {
-    "drives/kitti": "KITTI, a detector's output, without a map",
-    "drives/argoverse2": "Argoverse 2, labels with the errors of a sensor, with its map",
+    "kitti": "KITTI, a detector's output, without a map",
+    "argoverse2": "Argoverse 2, labels with the errors of a sensor, with its map",
 }
+"""By the last part of the name."""
 
 
 def read(parts: Sequence[DrivesPart], reports: Path) -> list[KeptDrives]:

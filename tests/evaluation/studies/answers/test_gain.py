@@ -108,3 +108,48 @@ def test_settings_that_cannot_be_are_refused_before_the_first_run(settings: dict
     study = Gain(tuned=(("map", "paper", tuple(settings.items())),))
     with pytest.raises(ArgumentError, match=next(iter(settings)).removesuffix("_m")):
         study.items_of(())
+
+
+def test_an_area_that_is_to_beat_all_meets_every_fair_rival_and_every_margin() -> None:
+    tuned = (("adaptive", "paper", (("probability", 0.5),)), ("map", "paper", (("margin_m", 3.0),)))
+    study = Gain(own=("adaptive",), tuned=tuned, against="adaptive", varied=(("margin_m", (0.0, 4.5)),))
+    assert {against.name for _, against in study.pairs} == {"adaptive, tuned"}
+    assert [arm.name for arm, _ in study.pairs] == [
+        "path",
+        "map",
+        "map, tuned",
+        "rectangle",
+        "rectangle, wide",
+        "map, margin_m=0",
+        "map, margin_m=4.5",
+    ]
+    margins = [dict(arm.settings)["margin_m"] for arm, _ in study.pairs if "margin_m=" in arm.name]
+    assert margins == [0.0, 4.5]
+
+
+@pytest.mark.parametrize(
+    ("path_rates", "standing"),
+    [
+        ((0.5, 0.2), "better than path"),  # fewer collisions avoided, as many stops
+        ((0.9, 0.8), "better than path"),
+        ((0.5, 0.0), "better in the one and worse in the other than path"),
+        ((0.9, 0.0), "worse than path"),
+        ((0.9, 0.25), "not decidedly different from path"),
+    ],
+)
+def test_standing_follows_from_decided_differences_alone(make, path_rates, standing: str) -> None:
+    study = Gain(own=("adaptive",), against="adaptive", formats=())
+    rates = {"path": path_rates}
+    results = make(study.arms, 60, lambda arm: rates.get(arm.name, (0.9, 0.2)))
+    first = study.answer(results).sentences[0]
+    assert first.startswith("Preset physical, rule paper: adaptive is ")
+    assert standing in first
+    best = "path" if path_rates[0] - path_rates[1] > 0.7 else "map"
+    assert f"less stopped is {best}, " in first
+
+
+def test_what_is_compared_with_must_be_run_and_parameters_must_change_something() -> None:
+    with pytest.raises(ArgumentError, match="--against: adaptive is not run; there are: path, "):
+        Gain(against="adaptive")
+    with pytest.raises(ArgumentError, match="--vary probability: changes none of the areas"):
+        Gain(varied=(("probability", (0.5,)),))

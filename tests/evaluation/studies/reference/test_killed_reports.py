@@ -43,7 +43,7 @@ TABLES = [
 def make(folder: Path) -> None:
     """The small report."""
     command.PARTS = SMALL  # type: ignore[misc]
-    command.render = lambda reports: "page"  # type: ignore[assignment]
+    command.pages = lambda reports: {"README.md": "page"}  # type: ignore[assignment]
     command.make_reports(folder, (), 1, quiet=True)
 
 
@@ -71,7 +71,7 @@ def test_killed_in_the_second_part_it_goes_on(tmp_path: Path, monkeypatch: pytes
     measured = {line for line in lines if json.loads(line)["key"] in before}
     assert not (killed / "README.md").exists()
     monkeypatch.setattr(command, "PARTS", SMALL)
-    monkeypatch.setattr(command, "render", lambda reports: "page")
+    monkeypatch.setattr(command, "pages", lambda reports: {"README.md": "page"})
     for folder in (killed, whole):
         command.make_reports(folder, (), 1, quiet=True)
     found, usual = (keys(folder / command.JOURNAL / journal.name) for folder in (killed, whole))

@@ -21,13 +21,14 @@ from evaluation.studies.answers.measures import Decision
 from evaluation.studies.answers.results import Results
 from evaluation.studies.answers.study import Sample
 from evaluation.studies.reference import command
+from evaluation.studies.reference.article.article import ARTICLE
 from evaluation.studies.reference.cpna import CpnaStudy
 from evaluation.studies.reference.findings import drives
 from evaluation.studies.reference.findings.answers import read
 from evaluation.studies.reference.kept import read_json, read_records, read_rows
 from evaluation.studies.reference.outside import drives_part
 from evaluation.studies.reference.parts import PARTS
-from evaluation.studies.reference.readme import README, render
+from evaluation.studies.reference.readme import README
 from evaluation.studies.study import Study
 from scenarios.scenes.scenes import SceneRun
 
@@ -48,13 +49,14 @@ def test_kept_results_do_not_drift(part: Study[Any, Any]) -> None:
     assert command.drift(parts[0], REPORTS / part.name, count=2) == []
 
 
-def test_the_page_is_what_its_tables_give() -> None:
-    assert (REPORTS / README).read_text(encoding="utf-8") == render(REPORTS)
+def test_the_pages_are_what_their_tables_give() -> None:
+    for name, text in command.pages(REPORTS).items():
+        assert (REPORTS / name).read_text(encoding="utf-8") == text, name
 
 
 def test_every_picture_and_table_that_the_page_shows_is_there() -> None:
-    page = (REPORTS / README).read_text(encoding="utf-8")
-    links = re.findall(r"\]\(([^)]+)\)", page)
+    pages = [(REPORTS / name).read_text(encoding="utf-8") for name in (README, ARTICLE)]
+    links = [link for page in pages for link in re.findall(r"\]\(([^)]+)\)", page)]
     assert len(links) > 10
     assert [link for link in links if not (REPORTS / link).is_file()] == []
 
@@ -63,7 +65,7 @@ def test_every_picture_and_table_that_the_page_shows_is_there() -> None:
 def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a part of two runs, just made."""
     monkeypatch.setattr(command, "PARTS", (TINY,))
-    monkeypatch.setattr(command, "render", lambda reports: "page")
+    monkeypatch.setattr(command, "pages", lambda reports: {README: "page"})
     command.make_reports(tmp_path, (), 1, quiet=True)
     return tmp_path
 
@@ -116,9 +118,9 @@ def test_drift_is_told(tiny: Path) -> None:
 def test_parts_without_their_data_are_left_as_they_are(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    drives = drives_part("street", "street", ("path",))
+    drives = drives_part("drives/street", "street", ("path",))
     monkeypatch.setattr(command, "PARTS", (TINY, drives))
-    monkeypatch.setattr(command, "render", lambda reports: "page")
+    monkeypatch.setattr(command, "pages", lambda reports: {README: "page"})
     command.make_reports(tmp_path / "out", (), 1, quiet=False)
     printed = " ".join(capsys.readouterr().out.split())
     assert "drives/street is left as it is: its data are not in this project; give --outside DIR" in printed
@@ -144,13 +146,13 @@ def write_street(folder: Path) -> None:
 def test_a_part_is_made_from_data_of_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data, out = tmp_path / "outside" / "street", tmp_path / "out"
     write_street(data)
-    part = drives_part("street", "street", ("path", "all"))
+    part = drives_part("drives/street", "street", ("path", "all"))
     part = replace(part, options=replace(part.options, rules=("paper", "rss")))
     monkeypatch.setattr(command, "PARTS", (part,))
-    monkeypatch.setattr(command, "render", lambda reports: "page")
+    monkeypatch.setattr(command, "pages", lambda reports: {README: "page"})
     command.make_reports(out, (), 1, quiet=True, outside=tmp_path / "outside")
     assert command.check_reports(out, (), outside=tmp_path / "outside") == []
-    monkeypatch.setitem(drives.TITLES, part.name, "A street")
+    monkeypatch.setitem(drives.TITLES, "street", "A street")
     [kept] = drives.read([part], out)
     assert [line[0] for line in drives.rules_table(kept).rows] == ["paper", "rss"]
     assert drives.findings(kept)[0] == "1 drive, 0.05 km, 0.1 minutes, 1 pedestrian met."
@@ -184,7 +186,7 @@ def question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(BreakEven, "given", lambda question, out: question)
     monkeypatch.setattr(command, "PARTS", (QUESTION, TINY))
     monkeypatch.setattr(command, "QUESTIONS", (QUESTION,))
-    monkeypatch.setattr(command, "render", lambda reports: "page")
+    monkeypatch.setattr(command, "pages", lambda reports: {README: "page"})
     return tmp_path
 
 

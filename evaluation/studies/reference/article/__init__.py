@@ -1,0 +1,1 @@
+"""The article on the reference results: question, method, results, limits."""
