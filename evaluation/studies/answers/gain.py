@@ -78,7 +78,7 @@ class Gain(Question):
     name = "gain"
 
     def __post_init__(self) -> None:
-        names = {rival.name for rival in self.rivals}
+        names = [rival.name for rival in self.rivals]
         if self.against not in names:
             raise ArgumentError(f"--against: {self.against} is not run; there are: {', '.join(names)}")
         if absent := [name for name, _, _ in self.tuned if name not in names]:
@@ -209,15 +209,16 @@ def standings(results: Results, differences: Sequence[Difference]) -> list[str]:
             of_pair = [d for d in own if d.arm == other]
             rivals_by_standing.setdefault(_standing(of_pair), []).append(other.name)
         parts = [
-            f"{text} {', '.join(rivals_by_standing[text])}"
+            f"{text}: {'; '.join(rivals_by_standing[text])}"
             for text in _STANDINGS
             if text in rivals_by_standing
         ]
         gains = {other: benefit_difference(results, other, against) for other in others}
         best = max(others, key=lambda other: gains[other].value)
         lines.append(
-            f"Preset {against.preset}, rule {against.rule}: {against.name} is {'; '.join(parts)}. The best "
-            f"of them by avoided less stopped is {best.name}, {points_text(gains[best])} points against it."
+            f"Preset {against.preset}, rule {against.rule}: {against.name} is {'. It is '.join(parts)}. "
+            f"The best of them by avoided less stopped is {best.name}, {points_text(gains[best])} points "
+            "against it."
         )
     return lines
 

@@ -39,7 +39,7 @@ def against_path(kept: Kept[Asked]) -> str:
         text = points_text(type(e)(-e.value, -e.high, -e.low, e.count))
         decided = "decided" if d.is_decided else "not decided"
         parts.append(f"{MEASURES[d.measure].text} {text} points ({decided})")
-    return f"{own[0].against.name} against the planned path: {listed(parts)}."
+    return f"The area {own[0].against.name} against the planned path: {listed(parts)}."
 
 
 def rivals_table(kept: Kept[Asked]) -> Table:

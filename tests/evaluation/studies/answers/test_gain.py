@@ -130,11 +130,11 @@ def test_an_area_that_is_to_beat_all_meets_every_fair_rival_and_every_margin() -
 @pytest.mark.parametrize(
     ("path_rates", "standing"),
     [
-        ((0.5, 0.2), "better than path"),  # fewer collisions avoided, as many stops
-        ((0.9, 0.8), "better than path"),
-        ((0.5, 0.0), "better in the one and worse in the other than path"),
-        ((0.9, 0.0), "worse than path"),
-        ((0.9, 0.25), "not decidedly different from path"),
+        ((0.5, 0.2), "better than: path"),  # fewer collisions avoided, as many stops
+        ((0.9, 0.8), "better than: path"),
+        ((0.5, 0.0), "better in the one and worse in the other than: path"),
+        ((0.9, 0.0), "worse than: path"),
+        ((0.9, 0.25), "not decidedly different from: path"),
     ],
 )
 def test_standing_follows_from_decided_differences_alone(make, path_rates, standing: str) -> None:
@@ -149,7 +149,7 @@ def test_standing_follows_from_decided_differences_alone(make, path_rates, stand
 
 
 def test_what_is_compared_with_must_be_run_and_parameters_must_change_something() -> None:
-    with pytest.raises(ArgumentError, match="--against: adaptive is not run; there are: path, "):
+    with pytest.raises(ArgumentError, match="--against: adaptive is not run; there are: path, map, rectangle"):
         Gain(against="adaptive")
     with pytest.raises(ArgumentError, match="--vary probability: changes none of the areas"):
         Gain(varied=(("probability", (0.5,)),))
