@@ -14,7 +14,7 @@ from opendrive import load_map, write_map
 from scenarios.catalogue.maps import shipped_map
 from scenarios.ros.definitions import ODOMETRY, PREDICTION_ARRAY, ros2_types
 from scenarios.ros.making import rosbags_make
-from tests.documents.blocks import ROOT, python_of
+from tests.documents.blocks import ROOT, blocks, python_of
 
 DEFINITIONS = ROOT / "scenarios" / "definitions"
 FRAMES = 60
@@ -22,9 +22,7 @@ FRAMES = 60
 
 def write_inputs(folder: Path) -> None:
     """Write maps, recordings and objects of a user's own into a folder."""
-    street = shipped_map("urban_street").read_text(encoding="utf-8")
-    # the examples place pedestrians on road 12
-    (folder / "town.xodr").write_text(re.sub(r'(<road [^>]*\bid=)"1"', r'\1"12"', street), encoding="utf-8")
+    write_scenario(folder)
     write_map(load_map(shipped_map("urban_intersection")).model, folder / "Town01.xodr")
     write_map(load_map(shipped_map("urban_intersection")).model, folder / "Town10HD.xodr")
     (folder / "docs").symlink_to(ROOT / "docs")
@@ -43,6 +41,14 @@ def write_inputs(folder: Path) -> None:
     _write_table(folder / "my_csv_folder")
     for name in ("recording", "my_drive", "my_bag"):
         _write_bag(folder / name)
+
+
+def write_scenario(folder: Path) -> None:
+    """The scenario of the page on one's own, and its map, whose road is number 12."""
+    street = shipped_map("urban_street").read_text(encoding="utf-8")
+    (folder / "town.xodr").write_text(re.sub(r'(<road [^>]*\bid=)"1"', r'\1"12"', street), encoding="utf-8")
+    (scenario,) = (block.code for block in blocks("docs/howto/scenario.md") if block.language == "xml")
+    (folder / "child.xosc").write_text(scenario, encoding="utf-8")
 
 
 def run_command(patch: pytest.MonkeyPatch, words: list[str]) -> int:

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.catalogue.maps import shipped_map
 from tests.documents.blocks import blocks
-from tests.documents.inputs import run_command
+from tests.documents.inputs import run_command, write_scenario
 
 
 def test_the_table_of_the_page_about_tracking_is_tracked(
@@ -38,10 +37,8 @@ def test_the_scenario_of_the_page_runs_and_the_child_is_met_when_the_page_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By hand: the front starts 22.2 m from the start of the road, and meets the box at 82.2 m."""
-    (scenario,) = (block.code for block in blocks("docs/howto/scenario.md") if block.language == "xml")
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "child.xosc").write_text(scenario, encoding="utf-8")
-    (tmp_path / "town.xodr").write_bytes(shipped_map("urban_street").read_bytes())
+    write_scenario(tmp_path)
     assert run_command(monkeypatch, ["run", "child.xosc", "--check"]) == 0
     assert run_command(monkeypatch, ["run", "child.xosc", "--no-aeb", "--out", "plain"]) == 0
     with (tmp_path / "plain" / "runs.csv").open(newline="") as file:

@@ -18,13 +18,13 @@ from evaluation.cli import app
 from tests.documents.blocks import PAGES, ROOT, Block, blocks, commands_of
 from tests.documents.inputs import run_command
 
-LANGUAGES = {"python", "sh", "sql", "text", "toml", "yaml"}
+LANGUAGES = {"python", "sh", "sql", "text", "toml", "xml", "yaml"}
 DIRECTIVES = {"{toctree}", "{eval-rst}", "{command-reference}", "{example}"}
 """Blocks that the documentation site fills in."""
 
 OUTSIDE = re.compile(
     r"argoverse2|NCAP|\bdata\b|labels detections|other_drives|my_drives|my_detector|tracks\.(csv|parquet)"
-    r"|--traffic|[\w./]+\.onnx|results/(network|before|bends|ncap|compare|seed_)|NAME|clouds|velodyne|drives/0010|--maps|foxglove/"
+    r"|--traffic|[\w./]+\.onnx|results/(network|before|bends|ncap|compare|seed_|traffic)|NAME|clouds|velodyne|drives/0010|--maps|foxglove/"
 )
 """Inputs of others, or of commands that take long; SUMO, which `.ci/traffic` has."""
 LONG = re.compile(

@@ -191,7 +191,7 @@ def check_reports(
         ResultsError: results are missing or not understood.
     """
     parts, _ = with_data(choose_parts(names), outside)
-    lines = [line for part in parts for line in drift(part, out / part.name, count)]
+    lines = [line for part in parts for line in drift(part, out, count)]
     for name, text in ({} if names else pages(out)).items():
         path = out / name
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
@@ -199,15 +199,20 @@ def check_reports(
     return lines
 
 
-def drift(part: Study[Any, Any], folder: Path, count: int) -> list[str]:
+def drift(part: Study[Any, Any], out: Path, count: int) -> list[str]:
     """Differences between what is kept of a part and some of its runs made again.
+
+    Args:
+        part: of the reference results.
+        out: folder of the results.
+        count: runs that are made again.
 
     Raises:
         ResultsError: the part's table is missing.
     """
-    rows, lines = read_rows(folder / part.table), []
+    rows, lines = read_rows(out / part.name / part.table), []
     with TemporaryDirectory() as scratch:
-        total, items = part.given(folder.parent).some(count, Path(scratch))
+        total, items = part.given(out).some(count, Path(scratch))
         if len(rows) != total:
             return [f"{part.name}: {len(rows)} runs are kept, {total} belong to it today"]
         for k, item in items.items():

@@ -157,6 +157,7 @@ NEEDS = {
     "maps": ["--full"],
 }  # fmt: skip
 OWN = {
+    ("study", "against"): "map",
     ("tune", "split"): "test", ("trigger", "strategies"): "map", ("study", "sensor"): "hdl64",
     ("study", "maps"): ".", ("compare", "maps"): ".", ("margin_m=2", "vary"): "reach_m=20",
     ("lidar", "sensor"): "mid70", ("lidar", "maps"): "x.xodr",

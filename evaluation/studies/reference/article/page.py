@@ -36,7 +36,7 @@ def page(markdown: str, folder: Path) -> str:
     body = str(MarkdownIt("commonmark").enable("table").render(markdown))
     body = re.sub(
         r'<p><img src="([^"]+)" alt="([^"]*)" ?/?></p>',
-        lambda found: _figure(folder / found[1], found[2]),
+        lambda match: _figure(folder / match[1], match[2]),
         body,
     )
     style = files(__package__).joinpath("article.css").read_text(encoding="utf-8")
@@ -65,7 +65,7 @@ def print_pdf(source: Path, target: Path) -> None:
     Raises:
         ArgumentError: there is no browser, or it prints nothing.
     """
-    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         raise ArgumentError(
             f"--pdf: needs a browser ({', '.join(BROWSERS)}); install Chromium, or print {source}"
