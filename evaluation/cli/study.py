@@ -34,7 +34,7 @@ EFFECTS = (
     For(("against", "vary"), "question", ("gain",)),
     For(("path_from",), "question", ("break-even",)),
     For(("trials",), "question", ("tune",)),
-    For(("weights",), "question", ("severity",)),
+    For(("weights", "followers"), "question", ("severity",)),
     For(OF_LIDAR, "question", _but("sensor", "lidar")),
     For(("logs",), "question", _but("break-even", "severity", "worst")),
     For(("family", "samples", "monte_carlo"), "question", ("worst",)),
@@ -150,6 +150,15 @@ def command(
             metavar="A,B,C",
         ),
     ] = None,
+    followers: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=20,
+            help="severity: so many vehicles of SUMO behind the ego, who react to it (extra sumo; "
+            "docs/traffic.md).",
+        ),
+    ] = 0,
     trials: Annotated[int, typer.Option(min=1, max=1000, help="tune: settings of each strategy.")] = 12,
     maps: Annotated[
         Path | None, typer.Option(help="Folder with further OpenDRIVE maps to draw on.", metavar="DIR")
@@ -220,7 +229,7 @@ def command(
         gate.close(lambda: [side_of_search(searched)])
         return
     if question == "severity":
-        asked = _severity(sample, formats, presets, rules, strategies, weights)
+        asked = _severity(sample, formats, presets, rules, strategies, weights, followers)
     elif question == "gain":
         asked = _gain(sample, formats, presets, rules, strategies, tuned, against, vary or [])
     else:
@@ -300,6 +309,7 @@ def _severity(
     rules: tuple[str, ...],
     strategies: str,
     weights: str | None,
+    followers: int,
 ) -> Question:
     """What false activations cost, as it was typed.
 
@@ -309,10 +319,13 @@ def _severity(
     from evaluation.errors import ArgumentError
     from evaluation.studies.answers.rivals import ADAPTIVE, RIVALS, Rival
     from evaluation.studies.answers.severity import Severity, Weights
+    from scenarios.traffic.session import library
 
     if len(presets) > 1:
         raise ArgumentError("--preset: severity takes one; give gain several")
-    asked = Severity(sample, formats, preset=presets[0], rules=rules)
+    if followers:
+        library()  # refuses where it is not installed
+    asked = Severity(sample, formats, preset=presets[0], rules=rules, followers=followers)
     if strategies:
         shipped = {rival.name: rival for rival in (*RIVALS, ADAPTIVE) if not rival.is_as_published}
         names = options.parse_names(strategies, tuple(shipped), "--strategies", own=True)

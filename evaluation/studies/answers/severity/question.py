@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from evaluation.metrics.intervals import Estimate, mean_t, sign_test
+from evaluation.metrics.intervals import Estimate, mean_t, median, sign_test, wilson
 from evaluation.metrics.power import holm
 from evaluation.results.tables import Table, csv_bytes, fixed
 from evaluation.runs.execution import FrameTime
@@ -16,6 +16,7 @@ from evaluation.studies.answers.arms import Arm, ArmRun
 from evaluation.studies.answers.measures import Decision
 from evaluation.studies.answers.results import LEVEL, Results, benefit, difference
 from evaluation.studies.answers.rivals import ADAPTIVE, MAP, PATH, Rival
+from evaluation.studies.answers.severity.behind import with_followers
 from evaluation.studies.answers.severity.figures import severity_rows
 from evaluation.studies.answers.severity.runs import (
     FOLLOWERS,
@@ -25,6 +26,7 @@ from evaluation.studies.answers.severity.runs import (
 )
 from evaluation.studies.answers.study import Answer, Question
 from evaluation.studies.answers.tables import interval_text, p_text, points_text
+from scenarios.scenes.scenes import SceneRun
 from smartmot.types import FloatArray
 
 RULES = ("paper", "cascade", "rss", "staged")
@@ -103,12 +105,14 @@ class Severity(Question):
         rules: brake rules; the first is what the others are compared with.
         areas: monitored areas.
         weights: of the costs.
+        followers: vehicles of SUMO behind the ego in every run; 0: none.
     """
 
     preset: str = "real"
     rules: tuple[str, ...] = RULES
     areas: tuple[Rival, ...] = (PATH, MAP, ADAPTIVE)
     weights: Weights = EQUAL
+    followers: int = 0
     name = "severity"
     journal = "severity_"
     kind = BrakingDecision  # type: ignore[assignment]  # a decision, and more
@@ -117,6 +121,13 @@ class Severity(Question):
     def job(item: ArmRun) -> tuple[Decision, FrameTime]:
         """Carry out one run."""
         return decide(item)
+
+    def items_of(self, scenes: Sequence[SceneRun]) -> list[ArmRun]:
+        """The runs over some scenes, with those who drive behind."""
+        items = super(Severity, self).items_of(scenes)
+        if not self.followers:
+            return items
+        return [replace(item, spec=with_followers(item.spec, self.followers, FOLLOWERS)) for item in items]
 
     def arm(self, area: Rival, rule: str) -> Arm:
         """An area with a rule."""
@@ -148,7 +159,10 @@ class Severity(Question):
         }
         if changes:
             tables[f"Against {self.rules[0]}, scene by scene"] = _changes_table(changes)
+        if self.followers:
+            tables["Those behind, driven by SUMO"] = _behind_table(results, self.arms)
         sentences = [*findings(costs, changes), _least_whatever_weighs(results, self.arms)]
+        sentences += [behind_sentence(results, arm) for arm in self.arms if self.followers]
         f, w = FOLLOWERS, self.weights
         return Answer(
             "What do false activations cost?",
@@ -167,8 +181,65 @@ class Severity(Question):
                 "`evaluation.metrics.rear_end.Followers`. Shares are of who drives behind the ego, if "
                 "there is anyone: how often that is so is not known here.",
                 "Runs with a contact have no such share, and are in no mean that needs it.",
+                *((_BEHIND_NOTE,) if self.followers else ()),
             ),
         )
+
+
+_BEHIND_NOTE = (
+    "Vehicles of SUMO: Krauss' model without dawdling; time gap and time between two decisions are drawn for "
+    "each scene from the distribution of the followers above, who also give the greatest deceleration; all "
+    "else is SUMO's default. They see the ego, and none of the scene's other road users. Drivers of SUMO "
+    "decide at intervals: what happens in between is seen half an interval later on average, so that they "
+    "react sooner than those of the closed form."
+)
+
+
+def _stopped_behind(results: Results, arm: Arm) -> list[BrakingDecision]:
+    """Runs with a false activation of the emergency brake that a vehicle of SUMO drove behind."""
+    return [
+        run
+        for scene, run in zip(results.scenes, results.runs[arm], strict=True)
+        if scene.must == "nothing" and isinstance(run, BrakingDecision) and run.behind_decel_mps2 is not None
+    ]
+
+
+def behind_sentence(results: Results, arm: Arm) -> str:
+    """How often a false activation was answered by a contact from behind, in words."""
+    runs = _stopped_behind(results, arm)
+    if not runs:
+        return f"{arm.name}: no false activation with a vehicle of SUMO behind."
+    count = sum(run.struck_kmh is not None for run in runs)
+    share = _percent(wilson(count, len(runs)))
+    return (
+        f"{arm.name}: in {count} of {len(runs)} false activations ({share} %) the vehicle of SUMO behind "
+        "strikes the ego."
+    )
+
+
+def _behind_table(results: Results, arms: Sequence[Arm]) -> Table:
+    header = (
+        "who", "false activations", "struck from behind", "closing speed (km/h)", "least TTC (s)",
+        "peak deceleration behind (m/s²)",
+    )  # fmt: skip
+    rows = []
+    for arm in arms:
+        runs = _stopped_behind(results, arm)
+        closing = [run.struck_kmh for run in runs if run.struck_kmh is not None]
+        ttc = [run.behind_ttc_s for run in runs if run.behind_ttc_s is not None]
+        decel = [run.behind_decel_mps2 for run in runs if run.behind_decel_mps2 is not None]
+        rows.append(
+            (
+                arm.name, str(len(runs)), str(len(closing)), _mean(mean_t(closing)),
+                _mean(median(np.array(ttc)), 2), _mean(mean_t(decel)),
+            )
+        )  # fmt: skip
+    caption = (
+        "Of the first vehicle behind, over the false activations in nothing scenes, from the request on; a "
+        "scene without room behind the ego is not among them. Closing speed and peak deceleration: means, "
+        "least time to collision: median, 0 of a contact; 95 % intervals."
+    )
+    return Table(header, tuple(rows), (), caption)
 
 
 def severities(results: Results, arm: Arm, weights: Weights) -> FloatArray:

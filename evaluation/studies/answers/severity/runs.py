@@ -12,6 +12,7 @@ from evaluation.metrics.rear_end import Followers, exposure
 from evaluation.runs.execution import FrameTime, frame_time
 from evaluation.studies.answers.arms import ArmRun
 from evaluation.studies.answers.measures import Decision, decided
+from evaluation.studies.answers.severity.behind import behind_of
 from smartmot.types import FloatArray
 
 FOLLOWERS = Followers()
@@ -28,11 +29,16 @@ class BrakingDecision(Decision):
         initial_kmh: the ego's speed at the beginning.
         rear_share: share of the followers who would touch the ego from behind.
         rear_closing_kmh: mean relative speed of these; 0 if none would.
+        struck_kmh, behind_ttc_s, behind_decel_mps2: of the first vehicle of SUMO behind the ego, see
+            `evaluation.studies.answers.severity.behind.Behind`; None without a request or such a vehicle.
     """
 
     initial_kmh: float
     rear_share: float | None
     rear_closing_kmh: float | None
+    struck_kmh: float | None = None
+    behind_ttc_s: float | None = None
+    behind_decel_mps2: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,16 +89,20 @@ class Weights:
 
 def decide(item: ArmRun) -> tuple[BrakingDecision, FrameTime]:
     """Carry out one run; see `evaluation.studies.answers.measures.decide`."""
-    decision, outcome, _ = decided(item)
+    decision, outcome, simulation = decided(item)
     log = outcome.log.table()
     ego = log["kind"] == "ego"
     time_s, speed_mps = at_distinct_times(log["time_s"][ego], np.abs(log["speed_mps"][ego]))
-    behind = None if decision.collided else exposure(time_s, speed_mps, FOLLOWERS)
+    exposed = None if decision.collided else exposure(time_s, speed_mps, FOLLOWERS)
+    behind = behind_of(simulation, outcome)
     kept = BrakingDecision(
         **asdict(decision),
         initial_kmh=3.6 * float(speed_mps[0]),
-        rear_share=None if behind is None else behind.share,
-        rear_closing_kmh=None if behind is None else 3.6 * behind.closing_mps,
+        rear_share=None if exposed is None else exposed.share,
+        rear_closing_kmh=None if exposed is None else 3.6 * exposed.closing_mps,
+        struck_kmh=None if behind is None else behind.struck_kmh,
+        behind_ttc_s=None if behind is None else behind.ttc_s,
+        behind_decel_mps2=None if behind is None else behind.decel_mps2,
     )
     return kept, frame_time(outcome.frame_time_ms)
 
