@@ -8,7 +8,7 @@ from pathlib import Path
 
 from evaluation.studies.answers.gain import Gain
 from evaluation.studies.answers.lidar.question import lidar
-from evaluation.studies.answers.rivals import ADAPTIVE
+from evaluation.studies.answers.rivals import ADAPTIVE, PATH
 from evaluation.studies.answers.severity import Severity
 from evaluation.studies.answers.study import Sample
 from evaluation.studies.answers.tune import Tuning
@@ -45,6 +45,23 @@ class AdaptiveLidarGain(AdaptiveGain):
     """The same with detections from a LiDAR's clouds, on furnished streets."""
 
     name = f"{FOLDER}/lidar"
+
+
+@dataclass(frozen=True, slots=True)
+class FollowedSeverity(Severity):
+    """What stops cost, with a car of SUMO behind the ego; made by hand, since it needs the extra `sumo`."""
+
+    name = "behind"
+
+
+BEHIND = FollowedSeverity(
+    Sample(count=60, seed=2), ("png",), rules=("paper", "staged"), areas=(PATH, ADAPTIVE), followers=1
+)
+BEHIND_COMMAND = (
+    "smartmot-eval study severity --followers 1 --seed 2 --count 60 --rule paper,staged "
+    "--strategies path,adaptive"
+)
+"""What makes its runs; its folder of answers is kept as `reports/behind`."""
 
 
 def adaptive_parts(

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evaluation.metrics.rear_end import Followers
 from scenarios.simulation.outcome import Outcome
@@ -14,7 +17,7 @@ from scenarios.simulation.simulation import Simulation
 from scenarios.spec import RunSpec
 from scenarios.traffic import Traffic
 from scenarios.traffic.demand import STEP_S
-from smartmot.types import FloatArray
+from smartmot.types import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +26,8 @@ class Behind:
 
     Args:
         struck_kmh: by how much it was faster when it touched the ego; None: it did not.
-        ttc_s: least time to collision with the ego; 0 of one that touched it, None if it never came nearer.
+        ttc_s: least time to collision with the ego while it was straight behind; 0 of one that touched it,
+            None if it never came nearer.
         decel_mps2: its greatest deceleration, over 0.1 s.
     """
 
@@ -70,9 +74,10 @@ def behind_of(simulation: Simulation, outcome: Outcome) -> Behind | None:
     rows = rows[first]
     speed = log["speed_mps"][rows]
     at = own[np.searchsorted(log["time_s"][own], time_s).clip(max=len(own) - 1)]
-    dx, dy = (log[axis][at] - log[axis][rows] for axis in ("x_m", "y_m"))
-    yaw = log["yaw_rad"][at]
-    gap_m = np.cos(yaw) * dx + np.sin(yaw) * dy - (log["length_m"][at] + log["length_m"][rows]) / 2
+    ego, own_size = _columns(log, at, "x_m", "y_m", "yaw_rad"), _columns(log, at, "length_m", "width_m")
+    gap_m = gaps_m(
+        ego, own_size, _columns(log, rows, "x_m", "y_m"), _columns(log, rows, "length_m", "width_m")
+    )
     after = time_s >= outcome.flag_time_s - 1e-9
     hit = next((contact for contact in outcome.struck if contact.entity == name), None)
     ttc_s = 0.0 if hit else least_ttc_s(gap_m[after], (speed - log["speed_mps"][at])[after])
@@ -84,13 +89,35 @@ def behind_of(simulation: Simulation, outcome: Outcome) -> Behind | None:
     )
 
 
+def _columns(log: Mapping[str, NDArray[Any]], rows: IntArray, *names: str) -> FloatArray:
+    return np.stack([log[name][rows] for name in names], axis=-1)
+
+
+def gaps_m(
+    ego_pose: FloatArray, ego_size_m: FloatArray, center_m: FloatArray, size_m: FloatArray
+) -> FloatArray:
+    """(T,) free distances to who is straight behind; NaN for who is not, such as beside the way in a bend.
+
+    Args:
+        ego_pose: (T, 3) x, y in m and heading in rad.
+        ego_size_m: (T, 2) length and width.
+        center_m: (T, 2) of who drives behind.
+        size_m: (T, 2) its length and width.
+    """
+    dx, dy = (ego_pose[:, :2] - center_m).T
+    cos, sin = np.cos(ego_pose[:, 2]), np.sin(ego_pose[:, 2])
+    length_m, width_m = (ego_size_m + size_m).T / 2
+    gap_m = cos * dx + sin * dy - length_m
+    return np.asarray(np.where((gap_m > 0.0) & (np.abs(cos * dy - sin * dx) < width_m), gap_m, np.nan))
+
+
 def least_ttc_s(gap_m: FloatArray, closing_mps: FloatArray) -> float | None:
     """Least free distance over the speed at which it shrinks; None where it never does.
 
     Args:
-        gap_m: (T,) free distances.
+        gap_m: (T,) free distances; NaN where there is none.
         closing_mps: (T,) speeds at which they shrink.
     """
-    closes = closing_mps > 1e-6
-    least = float((np.maximum(gap_m[closes], 0.0) / closing_mps[closes]).min(initial=math.inf))
+    closes = (closing_mps > 1e-6) & ~np.isnan(gap_m)
+    least = float((gap_m[closes] / closing_mps[closes]).min(initial=math.inf))
     return least if math.isfinite(least) else None

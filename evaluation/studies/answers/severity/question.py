@@ -160,7 +160,7 @@ class Severity(Question):
         if changes:
             tables[f"Against {self.rules[0]}, scene by scene"] = _changes_table(changes)
         if self.followers:
-            tables["Those behind, driven by SUMO"] = _behind_table(results, self.arms)
+            tables["Those behind, driven by SUMO"] = behind_table(results, self.arms)
         sentences = [*findings(costs, changes), _least_whatever_weighs(results, self.arms)]
         sentences += [behind_sentence(results, arm) for arm in self.arms if self.followers]
         f, w = FOLLOWERS, self.weights
@@ -217,7 +217,8 @@ def behind_sentence(results: Results, arm: Arm) -> str:
     )
 
 
-def _behind_table(results: Results, arms: Sequence[Arm]) -> Table:
+def behind_table(results: Results, arms: Sequence[Arm]) -> Table:
+    """A line per side: what its false activations did to the vehicle of SUMO behind."""
     header = (
         "who", "false activations", "struck from behind", "closing speed (km/h)", "least TTC (s)",
         "peak deceleration behind (m/s²)",

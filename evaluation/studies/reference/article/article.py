@@ -10,7 +10,7 @@ from typing import Any
 from evaluation.results.files import STUDY_JSON, ResultsError
 from evaluation.results.tables import Table, markdown_table
 from evaluation.studies.answers.tuned import TUNED
-from evaluation.studies.reference.adaptive import FOLDER, MARGINS_M
+from evaluation.studies.reference.adaptive import BEHIND, BEHIND_COMMAND, FOLDER, MARGINS_M
 from evaluation.studies.reference.findings import adaptive, answers, drives
 from evaluation.studies.reference.kept import read_json
 from evaluation.studies.reference.parts import (
@@ -59,6 +59,7 @@ def _values(reports: Path) -> dict[str, Any]:
     gain, lidar = answers.read(ADAPTIVE_GAIN, reports), answers.read(ADAPTIVE_LIDAR, reports)
     tuning, severity = answers.read(ADAPTIVE_TUNING, reports), answers.read(SEVERITY, reports)
     lanes = answers.read(GAIN, reports)
+    behind = answers.read(BEHIND, reports)
     searches = [
         path.parent for folder in WORST for path in sorted((reports / folder).glob(f"*/{STUDY_JSON}"))
     ]
@@ -86,6 +87,9 @@ def _values(reports: Path) -> dict[str, Any]:
         "drives": adaptive.told_drives(drives.read(ADAPTIVE_DRIVES, reports)),
         "severity": adaptive.severity_table(severity),
         "severity_lines": adaptive.told_severity(severity),
+        "behind": adaptive.told_behind(behind),
+        "behind_table": adaptive.table_behind(behind),
+        "behind_command": BEHIND_COMMAND,
         "worst": [_told_search(read_json(folder / STUDY_JSON)) for folder in searches],
         "worst_figures": [
             (folder / "boundary.png").relative_to(reports).as_posix()

@@ -10,8 +10,16 @@ from evaluation.studies.answers.gain import Gain, standings
 from evaluation.studies.answers.measures import DECISIVE, MEASURES
 from evaluation.studies.answers.results import Difference, benefit_difference, decisive_differences
 from evaluation.studies.answers.severity import Severity
-from evaluation.studies.answers.severity.question import changes_of, cost_of, costs_table, findings
+from evaluation.studies.answers.severity.question import (
+    behind_sentence,
+    behind_table,
+    changes_of,
+    cost_of,
+    costs_table,
+    findings,
+)
 from evaluation.studies.answers.tables import change_text, differences_table, interval_text, points_text
+from evaluation.studies.reference.adaptive import FollowedSeverity
 from evaluation.studies.reference.findings.answers import Kept
 from evaluation.studies.reference.findings.drives import KeptDrives
 from evaluation.studies.reference.words import counted, listed
@@ -83,6 +91,16 @@ def told_severity(kept: Kept[Severity]) -> list[str]:
     """Differences in weighed stops of every rule against the first, with the same area."""
     question = kept.question
     return findings([], changes_of(kept.results, question.pairs, question.weights))
+
+
+def told_behind(kept: Kept[FollowedSeverity]) -> list[str]:
+    """How often a false activation was answered by a contact from behind, by side."""
+    return [behind_sentence(kept.results, arm) for arm in kept.question.arms]
+
+
+def table_behind(kept: Kept[FollowedSeverity]) -> Table:
+    """What false activations did to the car of SUMO behind, by side."""
+    return behind_table(kept.results, kept.question.arms)
 
 
 def told_drives(kept: Sequence[KeptDrives]) -> list[str]:

@@ -14,7 +14,7 @@ from evaluation.studies.answers.arms import arm_runs
 from evaluation.studies.answers.results import Results
 from evaluation.studies.answers.rivals import PATH
 from evaluation.studies.answers.severity import Severity
-from evaluation.studies.answers.severity.behind import behind_of, least_ttc_s, with_followers
+from evaluation.studies.answers.severity.behind import behind_of, gaps_m, least_ttc_s, with_followers
 from evaluation.studies.answers.severity.question import behind_sentence
 from evaluation.studies.answers.severity.runs import BrakingDecision
 from evaluation.studies.answers.study import Sample
@@ -44,6 +44,14 @@ def test_least_times_to_collision() -> None:
     """10 m at 5 m/s are 2 s, 3 m at 2 m/s are 1.5 s; who falls back never comes nearer."""
     assert least_ttc_s(np.array([10.0, 3.0, 1.0]), np.array([5.0, 2.0, -1.0])) == 1.5
     assert least_ttc_s(np.array([10.0]), np.array([-1.0])) is None
+
+
+def test_only_who_is_straight_behind_has_a_free_distance() -> None:
+    """Cars of 4 x 2 m: 10 m behind, 6 m are free; behind an ego turned away by 90 degrees, beside, ahead."""
+    size = np.tile([4.0, 2.0], (4, 1))
+    ego = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, np.pi / 2], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    other = np.array([[-10.0, 1.0], [-10.0, 0.0], [-10.0, 3.0], [10.0, 0.0]])
+    assert gaps_m(ego, size, other, size) == pytest.approx([6.0, np.nan, np.nan, np.nan], nan_ok=True)
 
 
 def test_all_sides_of_a_scene_have_the_same_driver_of_the_distribution() -> None:
