@@ -248,7 +248,9 @@ def _strip(geometry: NetworkGeometry, lane: int, s_m: FloatArray) -> shapely.Geo
     # The curvature jumps where pieces meet: each stretch goes by that of its middle.
     middles = geometry.curves.evaluate(sections.road[1:], 0.5 * (s_m[:-1] + s_m[1:]))
     bend = middles.curvature_per_m * side
-    centre_m = np.divide(1.0, bend, out=np.full(len(bend), np.inf), where=bend > 0.0)
+    # the inverse of less than the least normal number is none
+    is_bent = bend > np.finfo(np.float64).tiny
+    centre_m = np.divide(1.0, bend, out=np.full(len(bend), np.inf), where=is_bent)
 
     def corners(end: slice, t_m: FloatArray) -> FloatArray:
         rows = np.arange(len(s_m))[end]
