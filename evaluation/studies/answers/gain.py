@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -35,6 +36,7 @@ from evaluation.studies.answers.tuned import (
     tuned_arm,
     unchanged_table,
 )
+from scenarios.presets import Preset
 from scenarios.settings import Setting
 
 NOTES = (
@@ -99,12 +101,16 @@ class Gain(Question):
 
     @property
     def groups(self) -> dict[tuple[str, str], list[Arm]]:
-        """The arms by preset and rule."""
-        return {
-            (preset, rule): [arm for rival in self.rivals for arm in self._sides(rival, preset, rule)]
-            for preset in self.presets
-            for rule in self.rules
-        }
+        """The arms by preset and rule, each once: a varied value may be the one that there is anyway."""
+        groups = {}
+        for preset, rule in itertools.product(self.presets, self.rules):
+            arms = [arm for rival in self.rivals for arm in self._sides(rival, preset, rule)]
+            # the same runs would be counted twice, and each question more makes the correction stricter
+            first: dict[tuple[str, Preset], Arm] = {}
+            for arm in arms:
+                first.setdefault((arm.strategy, arm.conditions), arm)
+            groups[preset, rule] = list(first.values())
+        return groups
 
     def _sides(self, rival: Rival, preset: str, rule: str) -> list[Arm]:
         """A rival as it is, and tuned where it was; what is the paper's as published has the paper's rule."""

@@ -153,3 +153,10 @@ def test_what_is_compared_with_must_be_run_and_parameters_must_change_something(
         Gain(against="adaptive")
     with pytest.raises(ArgumentError, match="--vary probability: changes none of the areas"):
         Gain(varied=(("probability", (0.5,)),))
+
+
+def test_a_varied_value_that_a_rival_has_anyway_is_no_rival_of_its_own() -> None:
+    """The preset's margin is the paper's 1.8 m; a margin given twice is one."""
+    plain, study = Gain(), Gain(varied=(("margin_m", (1.8, 3.0, 3.0)),))
+    assert [arm.name for arm in study.arms if arm not in plain.arms] == ["map, margin_m=3"]
+    assert study.questions == plain.questions + 2
